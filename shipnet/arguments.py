@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 class _Rule(NamedTuple):
-    """Legal values of a type: test before the call, description, and test after a failed call."""
+    """A type's legal values: a test before the call, a description, a test after a failed call."""
 
     test: Callable[[Any], bool]
     legal: str
@@ -33,8 +33,9 @@ class _Rule(NamedTuple):
 def checked(made: T) -> T:
     """Make a function, or a class's public methods, check arguments against their annotations.
 
-    Functions check numbers themselves, because they know the ranges. If one fails without naming an
-    argument, the error names the first of a wrong type. Declared fields have their own checks.
+    Functions check numbers themselves, because they know the ranges. If a function fails without
+    naming an argument, the error names the first argument of a wrong type. Declared fields have
+    their own checks.
     """
     if not isinstance(made, type):
         return _checked(made, ())  # type: ignore[no-any-return] # it is called as before
@@ -48,7 +49,7 @@ def checked(made: T) -> T:
 
 
 def _checked(function: Any, skipped: Collection[str]) -> Any:
-    """Return a function that checks its arguments; the same one if there is nothing to check."""
+    """Return a function that checks its arguments, or `function` if there is nothing to check."""
     parameters = signature(function).parameters
     given = {
         name: one
@@ -104,7 +105,7 @@ def _checked(function: Any, skipped: Collection[str]) -> Any:
 
 
 def _met(rules: Sequence[_Rule], value: Any, failed: bool = False) -> bool:
-    """Return whether a value meets one of the rules, before a call or after the call has failed."""
+    """Return whether a value meets one of the rules; after a `failed` call, tests are stricter."""
     return any(((failed and rule.after) or rule.test)(value) for rule in rules)
 
 
@@ -124,7 +125,7 @@ def _legal(rules: Sequence[_Rule]) -> str:
 
 
 def _numbers(rules: list[_Rule]) -> bool:
-    """Return whether the rules accept all values before a call, and test them only if it fails."""
+    """Return whether every value is accepted before a call, and tested only if the call fails."""
     return not rules or any(rule.test is _anything for rule in rules)
 
 
@@ -165,7 +166,7 @@ def _parts(annotation: Any, scope: dict[str, Any]) -> Iterator[Any]:
 
 
 class _Names(dict[str, Any]):
-    """Names of a module and of its package's public API, which it may import only for types."""
+    """Names that annotations can use: those of the module and of its package's public API."""
 
     def __missing__(self, name: str) -> Any:
         if name in dir(_front(self)):

@@ -20,7 +20,7 @@ Words: TypeAlias = npt.NDArray[np.uint16]
 
 
 def parts_of(u: Floats, length: int = 2**20) -> Iterator[tuple[int, Floats]]:
-    """Yield parts of an array with their offsets; only one part of a mapped file is in memory."""
+    """Yield parts of an array and their offsets; a mapped file is in memory one part at a time."""
     for low in range(0, len(u), length):
         yield low, u[low : low + length]
         release(u)

@@ -47,7 +47,7 @@ class Crc:
 
     @cached_property
     def _table(self) -> list[int]:
-        """The register after each possible byte, starting from 0."""
+        """The register after each possible byte, for an initial value of 0."""
         entries = []
         for byte in range(256):
             register = 0
@@ -130,10 +130,10 @@ class Crc:
         return int((counts * (counts - 1) // 2).sum())
 
     def syndromes(self, n_bytes: int) -> npt.NDArray[np.int64]:
-        """Return the change of the check value due to each single wrong bit of bytes and their CRC.
+        """Return how each single wrong bit in a message and its CRC changes the check value.
 
-        The changes due to several wrong bits add modulo 2. The bits of the bytes come first, then
-        those of the CRC, lowest first.
+        The changes due to several wrong bits add modulo 2. The bits of the `n_bytes` come first,
+        then those of the CRC, lowest first.
         """
         size = check_whole("n_bytes", n_bytes, 0, 4096)
         flips = np.packbits(np.eye(8 * size, dtype=np.uint8), axis=1)

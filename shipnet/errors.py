@@ -155,7 +155,7 @@ class InputError(ValueError):
         self.more = more
 
     def lines(self, most: int | None = None) -> list[str]:
-        """Return up to `most` groups of faults, one per line, and the number of the rest.
+        """Return up to `most` groups of faults, one per line, and the number of remaining faults.
 
         The faults of a group differ only in their rows and in the first value that they quote. With
         `most`, a line has at most 300 characters.
@@ -188,7 +188,7 @@ class InputError(ValueError):
         return said
 
 
-#: A fault with its place: row or line, its number, and the rest with the wrong value.
+#: A fault with its place: "row" or "line", its number, and text that may quote a wrong value.
 _PLACED = re.compile(
     r"(row|line) (\d{1,9})([,:][^'\"]*?: )('[^']*'|\"[^\"]*\")(; .*)|"
     r"(row|line) (\d{1,9})([,:].*)", re.DOTALL,
@@ -223,7 +223,7 @@ _NAMES[ArgumentError.code] = ArgumentError.__name__
 
 
 def name_of(code: int) -> str:
-    """Return the name of the error class with a batch code, or ``"ok"`` for 0.
+    """Return the name of the error class for a batch code, or ``"ok"`` for 0.
 
     Parameters
     ----------

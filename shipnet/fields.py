@@ -38,7 +38,7 @@ def _legal(low: float, high: float, unit: str) -> str:
 
 def check_quantity(what: str, value: Any, unit: str, *, low: float = 0.0, high: float) -> Quantity:
     """Return a value as a float or a read-only array of floats, or raise if it is out of range."""
-    # A network has hundreds of these numbers, so a legal one must be checked in a microsecond.
+    # A network has hundreds of such numbers, so checking a legal one may take a microsecond.
     if type(value) in (float, int) and low <= value <= high:
         return float(value)
     import numpy as np  # slow to import, and rarely needed here
@@ -66,7 +66,7 @@ def check_quantity(what: str, value: Any, unit: str, *, low: float = 0.0, high: 
 
 
 def check_scalar(what: str, value: Any, unit: str, low: float, high: float) -> float:
-    """Return a single value as a float, or raise if it is not one or is out of range."""
+    """Return a value as a float, or raise if it is not a single number or is out of range."""
     number = check_quantity(what, value, unit, low=low, high=high)
     if not isinstance(number, float):
         raise ArgumentError(f"{what} is {value!r}; it must be a single number")
@@ -115,7 +115,7 @@ def check_kind(name: str, value: Any, kind: type[T]) -> T:
 
 
 def check_rng(rng: Any) -> np.random.Generator:
-    """Return the generator that `numpy.random.default_rng` makes from a seed, or raise."""
+    """Return the generator that `numpy.random.default_rng` makes from `rng`, or raise."""
     import numpy as np  # slow to import, and rarely needed here
 
     try:
@@ -131,7 +131,7 @@ def check_rng(rng: Any) -> np.random.Generator:
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """The base of all kinds of fields.
+    """Base class of all kinds of fields.
 
     `help` explains the field, `label` is the text beside its control, and `optional` makes None
     legal.
@@ -291,7 +291,7 @@ class Series(Kind):
 
     @property
     def legal(self) -> str:
-        """The strings and the length."""
+        """The legal strings, and the maximum length, in words."""
         return f"up to {self.most} of {', '.join(map(repr, self.known))}"
 
     def _check(self, name: str, value: Any, record: Any) -> tuple[str, ...]:
@@ -335,7 +335,7 @@ def _declare(
     kw_only: bool = False,
     **declares: Any,
 ) -> Any:
-    """Return a dataclass field of the kind that these values describe."""
+    """Return a dataclass field of the kind `of`, declared by these values."""
     metadata = {"kind": of(**declares)}
     return field(
         default=default, default_factory=default_factory, kw_only=kw_only, metadata=metadata
@@ -405,7 +405,7 @@ def declared(kind: type) -> dict[str, Kind]:
 
 @cache
 def _declared(kind: type) -> tuple[tuple[str, Kind], ...]:
-    """Return the declarations as pairs, looked up once per class."""
+    """Return the declarations as pairs of name and kind, cached for each class."""
     return tuple(declared(kind).items())
 
 

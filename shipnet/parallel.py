@@ -70,7 +70,7 @@ def compute(
     folder: str | os.PathLike[str] | None = None,
     progress: bool | Progress | None = None,
 ) -> list[Any]:
-    """Call a function for every task, in one or more processes or on Dask, with equal results.
+    """Call a function for every task; the results do not depend on where the tasks run.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def compute(
         Dask scheduler, or its client. By default, tasks run in this process, then in one process
         per core if that saves over 4 s. Processes and Dask need ``pip install "shipnet[cluster]"``.
     folder : path, optional
-        Folder in which results are saved as JSON, so that the same call resumes after a stop.
+        Folder where results are saved as JSON, so that the same call resumes after an interruption.
         Results must be numbers, text, lists or dicts; a tuple becomes a list.
     progress : bool or callable, optional
         Called as ``progress(done, total)`` when results arrive. True shows a bar, False none; by
@@ -166,7 +166,7 @@ def _run(
 
     begin, results = perf_counter(), []
     for index, job in zip(indices, jobs, strict=True):
-        # The child that SeedSequence(seed).spawn() would make for this task, without the others.
+        # The child that SeedSequence(seed).spawn() would make for this task, made directly.
         own = () if seed is None else (np.random.SeedSequence(seed, spawn_key=(index,)),)
         try:
             results.append(function(job, *map(np.random.default_rng, own)))
@@ -215,7 +215,7 @@ def _executor(client: Any) -> tuple[Executor, int, type[Exception]]:
         return pool, client, BrokenProcessPool
     lost = load_extra("distributed", "distributed", "cluster").KilledWorker
     try:
-        workers = sum(client.nthreads().values())  # this number may change
+        workers = sum(client.nthreads().values())  # workers may join or leave later
     except OSError as problem:
         raise ConnectionError(_GONE) from problem
     return client.get_executor(pure=False), max(1, workers), lost
@@ -258,7 +258,7 @@ def _spread(
                 keep(indices, values)
             if dropped:
                 losses += 1
-                if isinstance(client, int):  # a pool that loses a process stops all of them
+                if isinstance(client, int):  # a pool that loses one process stops all its processes
                     dropped += [index for indices in pending.values() for index in indices]
                     pending.clear()
                 dropped.sort()
@@ -352,7 +352,7 @@ def _fingerprint(what: object) -> str:
 
 
 def save_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Call `write` for a temporary file and rename it, so that no reader sees half a file."""
+    """Let `write` fill a temporary file, and rename it, so that no reader sees a partial file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     own = path.with_name(f".{path.name}.{gethostname()}.{os.getpid()}")
     write(own)

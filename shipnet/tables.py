@@ -1,7 +1,7 @@
 """Tables from CSV files of any spreadsheet and from Excel workbooks, as rows of text.
 
 A workbook is not trusted: formulas are never evaluated, a part with a DTD is refused, and sizes are
-bounded. Text that is written never becomes a formula.
+bounded. In files written here, text never becomes a formula.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ def parse_sheet(
     """Split text into rows of cells separated by commas, semicolons or tabs.
 
     The row of titles is the one among the first 50 for which `is_titles` is highest, by default the
-    first that is not blank. Error messages call it `what`.
+    first that is not blank. Error messages call this row `what`.
     """
     if "\0" in text:
         raise InputError(source, "is not text: it contains zero bytes; expected a CSV file")
@@ -366,7 +366,7 @@ class _Workbook:
         self.hidden = tuple(s.title for s in worksheets if s.sheet_state != "visible")
 
     def rows(self, title: str) -> Iterator[tuple[int, list[str], dict[int, str]]]:
-        """Yield number, cells and odd cells of each row of a sheet that has cells."""
+        """Yield the number, cells and odd cells of each row of a sheet; skip rows without cells."""
         sheet = self._book[title]
         sheet.reset_dimensions()  # the size that a sheet states may be wrong
         total = last = 0
@@ -416,7 +416,7 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
         ) from None
     try:
         with ZipFile(BytesIO(data)) as archive, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about parts that openpyxl ignores, such as pictures
+            warnings.simplefilter("ignore")  # it warns of ignored parts, such as pictures
             _check_parts(archive)
             book = openpyxl.load_workbook(BytesIO(data), read_only=True, data_only=True)
             try:
@@ -425,7 +425,7 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
                 book.close()
     except InputError:
         raise
-    except Exception as error:  # a malformed file can raise anything in openpyxl
+    except Exception as error:  # openpyxl may raise any of them for a malformed file
         said = " ".join(str(error).split()) or type(error).__name__
         raise InputError(source, f"is not an Excel workbook: {said[:200]}") from None
 
@@ -528,7 +528,7 @@ def no_formula(text: str) -> str:
 
 
 def as_csv(table: pd.DataFrame) -> bytes:
-    """Return a table as CSV in UTF-8 with a byte order mark; without it, Excel garbles Korean."""
+    """Return a table as CSV in UTF-8; its byte order mark keeps Excel from garbling Korean text."""
     cells = table.map(_joined).map(lambda cell: no_formula(cell) if isinstance(cell, str) else cell)
     written = cells.to_csv(index=False, lineterminator="\n", float_format="%.10g")
     return written.encode("utf-8-sig")
@@ -572,5 +572,5 @@ def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
 
 
 def _joined(cell: object) -> object:
-    """Return a cell, with several names joined into one text."""
+    """Return a cell; a tuple of names is joined into one string."""
     return "; ".join(map(str, cell)) if isinstance(cell, tuple) else cell

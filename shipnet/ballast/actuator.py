@@ -1,8 +1,8 @@
 """An electro-hydraulic actuator: parameters, hydraulics in closed form, and motor.
 
-The paper prints none of these numbers. They describe an actuator of common size for a butterfly
-valve of DN 100 to 150, chosen so that the operating point is near row 0 of the rule table; each
-is an assumption unless a source is given.
+The paper prints none of the parameters. Ours describe an actuator of common size for a butterfly
+valve of DN 100 to 150, and put the operating point near row 0 of the rule table; each value is an
+assumption unless a source is given.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def _number(low: float, high: float, unit: str, help: str, default: float) -> An
 class Actuator:
     """Reversible motor and pump, lock valve, cylinder with rack and pinion, butterfly valve.
 
-    Every number applies to all valves, or is an array with one value per valve.
+    Each parameter is one number for all valves, or an array with one value per valve.
 
     Examples
     --------

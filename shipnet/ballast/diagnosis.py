@@ -242,7 +242,7 @@ class Diagnosis:
 
     Notes
     -----
-    V2 fires if the position does not change. Except with ``crisp``, it is evaluated only during a
+    V2 fires if the position does not change. Except with ``crisp``, V2 is evaluated only during a
     command, after the motor has run for a second; otherwise a healthy valve at rest would appear to
     have a leaking piston. ``midpoint`` is equivalent to ``fuzzy`` with threshold 0.5.
 

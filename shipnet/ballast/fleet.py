@@ -2,7 +2,7 @@
 
 The data are synthetic: our own simulator produces the faults and the sensor readings. Each task
 simulates one block of valves for all days. The valves of a block are commanded together, so that
-numpy can advance them together.
+one array operation can advance all of them.
 """
 
 from __future__ import annotations

@@ -58,7 +58,7 @@ class _Image(ValveRegisters):
 
 
 def gateway(station: Station) -> dict[int, Slave]:
-    """Return the valves that the master serves to a PC; section 3.5 of the paper."""
+    """Return the valves as slaves through which the master answers a PC; kim2014, section 3.5."""
     # The paper does not say whether the master polls the slave when the PC asks. Here the master
     # responds from memory, because its scans keep the line busy.
     return {unit: Slave(_Image(station, unit), functions={4, 6}) for unit in station.slaves}
@@ -203,10 +203,10 @@ def acceptance_tests(*, bit_rate: float = 9600.0, rng: Any = None) -> pd.DataFra
 
     Notes
     -----
-    The paper says that all tests passed, but prints neither steps nor criteria; we chose them. A
-    fault counts as found if its code is among those active after the command: the rules are nested,
-    so other codes may be active too. The slave's status contains only one code; the step passes if
-    this is the fault's code, or the code of a rule that implies it.
+    The paper says that all tests passed, but prints neither the steps nor the criteria; we chose
+    them. A fault counts as found if its code is among those active after the command: the rules are
+    nested, so other codes may be active too. The slave's status contains only one code; the step
+    passes if this is the fault's code, or the code of a rule that implies it.
 
     Examples
     --------
@@ -318,7 +318,7 @@ def _diagnosis_of(make: Callable[..., TestBed], code: str | None) -> Iterator[St
 
 
 def _rows(base: RuleBase, code: str) -> list[int]:
-    """Return the row of a code, then those of rules that fire only if the code's rule fires."""
+    """Return the row of a code, then the rows of the rules that fire only if its rule fires."""
     own = set(base.rule(code).antecedent)
     rows = [row for row, rule in enumerate(base.rules, 1) if own <= set(rule.antecedent)]
     return sorted(rows, key=lambda row: base.codes[row - 1] != code)
@@ -569,7 +569,7 @@ class Client:
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """Responses of the valves: `rows` of `Status.table`, by valve; NaN without a response."""
+    """Responses of the valves: `rows` has the columns of `Status.table`; NaN if none arrived."""
 
     rows: pd.DataFrame
 

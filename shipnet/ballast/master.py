@@ -202,7 +202,7 @@ class MasterRun:
 
     Examples
     --------
-    A master with 50 valves at 9600 bit/s opens one; the position shown is up to one scan old:
+    A master with 50 valves at 9600 bit/s opens valve 7; the position shown is up to a scan old:
 
     >>> from shipnet.ballast.scan import System, status_poll
     >>> from shipnet.ballast.simulation import simulate
@@ -249,7 +249,7 @@ class MasterRun:
         shown = self.answers[["unit", "read_s", "shown_s"]]
         if shown["unit"].nunique() < self.n_valves:
             return inf
-        # A status is shown until the next one of its valve arrives, the last one until the end.
+        # Each status is shown until the valve's next status arrives, or until the end.
         until = shown.groupby("unit")["shown_s"].shift(-1).fillna(self.duration)
         return float((until - shown["read_s"]).max())
 
@@ -385,7 +385,7 @@ class Station(Master):
         start, unit, line = self.time, slave + 1, self.rule.poll.line
         read = start + line.frame_time(self.rule.poll.request_size)
         pdu = b""
-        # Let the slave take its readings before the plant advances beyond them.
+        # The slave must take its readings before the plant advances past the end of the request.
         if self.paths.hold(start, read, slave, port):
             pdu = answer(self.slaves, Adu(unit, READ_STATUS.pdu), read, serial=True).pdu
         if not super().attempt(slave, port, kind):

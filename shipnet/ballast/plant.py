@@ -63,7 +63,7 @@ def _numbers(valves: int | Iterable[int] | None) -> tuple[int, ...] | None:
 
 
 def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
-    """Return the indices of these valves among `n_valves`, from 0."""
+    """Return the indices, counted from 0, of the given valves; None means all `n_valves`."""
     known = range(1, n_valves + 1) if valves is None else _numbers(valves) or ()
     return [check_whole("one of valves", valve, 1, n_valves) - 1 for valve in known]
 
@@ -145,8 +145,8 @@ class Command:
         return plan
 
 
-#: How severity s changes a number: linearly, as a power, towards infinity, or by addition. A
-#: severity of 0 leaves the number unchanged to the last bit.
+#: How severity s changes a parameter or reading: linearly, as a power, towards infinity, or by
+#: addition. A severity of 0 leaves the value unchanged to the last bit.
 _LAWS = {
     "linear": lambda number, value, s: number * (1 + (value - 1) * s),
     "power": lambda number, value, s: number * value**s,
@@ -156,7 +156,7 @@ _LAWS = {
 
 
 class Change(NamedTuple):
-    """The effect of a fault on one number."""
+    """The effect of a fault on one parameter or reading."""
 
     target: str
     law: str

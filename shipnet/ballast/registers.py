@@ -100,7 +100,7 @@ _TIME_STEP = 0.1
 #: Step of each reading, shape (5, 1).
 _STEPS = np.array([[scale.step] for scale in SCALES])
 
-#: Largest numbers of steps, and values sent for NaN, shape (6, 1); the operating time is last.
+#: Largest number of steps, and value sent for NaN, per reading and for the operating time.
 _HIGHEST = {last: np.array([[HIGHEST]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
 _MISSING = {last: np.array([[MISSING]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
 
@@ -170,7 +170,7 @@ class RegisterMap:
         fault: int = 0,
         operating_time: float = 0.0,
     ) -> Packed:
-        """Return the registers of valves in this state, for readings of shape (5, n_valves)."""
+        """Return the status registers of valves with the given flags and readings (5, n_valves)."""
         values = np.asarray(readings, float)
         if values.ndim != 2 or len(values) != len(SCALES):
             raise ArgumentError(f"readings have the shape {values.shape}; it must be (5, n_valves)")

@@ -70,7 +70,7 @@ def status_poll(
 
 
 def command_poll(poll: Poll) -> Poll:
-    """Return the poll that commands a valve, without retries; its response is the echo."""
+    """Return the poll that sends a command to a valve, without retries; the response is an echo."""
     request = Request.write_single_register(COMMAND_REGISTER, 0)
     return replace(poll, request=request, retries=0)
 
@@ -91,7 +91,7 @@ class System:
     """
 
     n_valves: int = whole(
-        1, 10_000, help="Number of valves; that of `actuator`, or 1, if omitted",
+        1, 10_000, help="Number of valves; if omitted, that of `actuator`, or 1",
         default=None, optional=True,
     )  # fmt: skip
     poll: Poll | None = None
@@ -156,7 +156,7 @@ class System:
         rows = {}
         for rate in BIT_RATES:
             serial = SerialLine(rate, given.line.character)
-            # With so long a time-out any processing time is allowed; nothing times out here.
+            # A time-out of one hour allows any processing time; no request times out here.
             read = status_poll(serial, processing=given.processing, timeout=3600)
             scan = read.scan_time(largest)
             rows[rate] = masters, scan, scan + read.shortest_timeout, read.max_slaves(_SCREEN)

@@ -41,7 +41,7 @@ WINDOW = 1.0
 
 
 def position_speed(time: Floats, position: Floats) -> Floats:
-    """Return the absolute change of the position per second, over the window."""
+    """Return the absolute change of the position per second, averaged over the window."""
     then = np.searchsorted(time, time - WINDOW + 1e-9) - 1
     speed = np.full(position.shape, np.nan)
     known = then >= 0

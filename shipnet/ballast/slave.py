@@ -56,7 +56,7 @@ class Monitor:
             fired[valve] = False
 
     def _look(self) -> None:
-        """Apply the rules to the present reading, replacing any earlier one at the same time."""
+        """Apply the rules to the present reading; it replaces an earlier one with the same time."""
         plant = self.plant
         if self._places and self._places[-1][0] == plant.time:
             self._places.pop()
@@ -95,7 +95,7 @@ class ValveRegisters:
     """The registers of a valve: a readable status and a writable command."""
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> Sequence[int]:
-        """Return registers of the status."""
+        """Return consecutive registers of the status."""
         first = address - FIRST_REGISTER
         if table != "input_registers" or not 0 <= first <= N_REGISTERS - quantity:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)

@@ -268,11 +268,11 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
 
     Notes
     -----
-    Others made the shipped recording on rotary actuators (15 000 in-lbf) like those that turn ship
-    valves [1]_: three healthy, one with a damaged gear and one with a leaking seal. Each stroke of
-    3000 samples was reduced to 600 points, each the mean of five samples or, for accelerations, ten
-    times their standard deviation. Values are raw counts; the units and the sampling period are not
-    published.
+    The shipped recording, made by others [1]_, is of rotary actuators (15 000 in-lbf) like those
+    that turn ship valves: three healthy, one with a damaged gear and one with a leaking seal. Each
+    stroke of 3000 samples was reduced to 600 points, each the mean of five samples or, for
+    accelerations, ten times their standard deviation. Values are raw counts; the units and the
+    sampling period are not published.
 
     References
     ----------

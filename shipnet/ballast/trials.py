@@ -30,7 +30,7 @@ from shipnet.fuzzy.terms import NORMAL, UNKNOWN
 from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
 
-#: What the numbers are based on.
+#: What the results are based on.
 BASIS = "faults simulated to fit the rules: this verifies the code but does not validate the method"
 
 #: A year [s].
@@ -99,7 +99,7 @@ class Trials:
 
     @property
     def basis(self) -> str:
-        """What the numbers are based on, in one line."""
+        """What the results are based on, in one line."""
         return BASIS
 
     def __repr__(self) -> str:
@@ -286,7 +286,7 @@ def false_alarms(
     until : float, default 3600
         End time, `period`..1e7 [s].
     period : float, default 600
-        Time between two commands, which open and close all valves in turn, 60..1e6 [s].
+        Time between two commands, which alternately open and close all valves, 60..1e6 [s].
     methods, rng
         As for `fault_trials`.
 
@@ -385,9 +385,9 @@ class FleetReport:
     Notes
     -----
     The indices are those of `Trials`, with times counted from the beginning of the fault. A fault
-    may show only during strokes, so it counts as isolated when its own code first becomes the top
-    fault of its valve. *True-detection rate*: the fraction of the fault's duration for which its
-    valve has a top fault.
+    may be visible only during strokes, so it counts as isolated when its own code first becomes the
+    top fault of its valve. *True-detection rate*: the fraction of the fault's duration for which
+    its valve has a top fault.
 
     Examples
     --------
@@ -542,7 +542,7 @@ def run_fleet(
     Notes
     -----
     A motor that is not cooled (O1) reaches the 90 degC of its rule only after many strokes in a
-    row: with six per day it never does.
+    row; with six strokes per day it never does.
 
     Examples
     --------

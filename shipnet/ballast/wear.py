@@ -134,7 +134,7 @@ class Wear:
         )
 
     def predict(self, valve: int, at: int, *, predictor: str = "leak") -> Prediction:
-        """Predict the number of strokes left, from up to 200 strokes before stroke number `at`.
+        """Predict the number of strokes left after `at` strokes; at most the last 200 are used.
 
         `predictor` is ``leak`` (the pump leak, computed from FP by the inverted model; its
         logarithm rises linearly), ``stroke time`` or ``FP membership`` (both rise linearly).
@@ -150,7 +150,7 @@ class Wear:
     def predictions(self, at: int) -> pd.DataFrame:
         """Return the strokes left for each valve after `at` strokes, indexed by ``valve``.
 
-        The prediction ``remaining`` has the interval ``low`` to ``high``; ``true`` is the true
+        The prediction ``remaining`` has the interval ``low`` to ``high``; ``true`` is the actual
         number.
         """
         rows = {valve: self.predict(valve, at).remaining for valve in range(1, self.life.size + 1)}
@@ -239,7 +239,7 @@ class Prediction:
         ax.axhline(limit, **style.LIMIT, linewidth=1, label="limit")  # type: ignore[arg-type]
         if trend.found:
             found, last = trend.crossing(limit), self.at - 1
-            # A crossing far in the future, or in the past, does not determine the scale.
+            # The axis is not extended to a crossing in the past or far in the future.
             end = found.estimate if last < found.estimate < 5 * last else last
             stop = 1.25 * end
             grid = np.linspace(0, stop, 200)
@@ -274,7 +274,7 @@ def limit_leak() -> float:
 
     def late(log_factor: float) -> float:
         worn = replace(usual, pump_leak=usual.pump_leak * np.exp(log_factor))
-        # A valve that stops on its way has an infinite stroke time.
+        # A valve that stops before the end of its travel has an infinite stroke time.
         return min(float(stroke_time(worn)), 1e6) - LIMIT
 
     return float(usual.pump_leak * np.exp(brentq(late, 0.0, 10.0, xtol=1e-10)))
@@ -315,7 +315,7 @@ class Crossing(NamedTuple):
 class Trend:
     """A straight line through points, by least squares."""
 
-    #: True if the line describes the logarithm.
+    #: True if the line is fitted to the logarithms of the values.
     logarithmic: bool
     slope: float
     #: Half-widths of the confidence intervals of the slope, and of the line at its centre.

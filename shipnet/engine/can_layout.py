@@ -90,7 +90,7 @@ class CanLayout:
         return dict(zip((message.name for message in self.messages()), spans, strict=True))
 
     def table(self) -> pd.DataFrame:
-        """Return each point's first message and byte, and its last message, by tag."""
+        """Return the first message, first byte and last message of each point, by tag."""
         names = np.array(list(self._spans), dtype=object)
         begins = np.array([span.start for span in self._spans.values()])
         first, last = self.message_of, self._message_at(self._packed[0] + self._width - 1)

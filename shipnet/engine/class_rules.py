@@ -216,7 +216,7 @@ def _standard(system: Description, protocols: tuple[str, ...]) -> _Outcome:
 
 
 def _apart(system: Description, links: Mapping[str, tuple[str, ...]]) -> _Outcome:
-    """Return the largest number of links with nothing in common, and the names shared by links."""
+    """Return the largest number of links with nothing in common, and the names that links share."""
     sets = [set(touched) for touched in links.values()]
     shared: set[str] = set().union(*(a & b for a, b in combinations(sets, 2)))
     why = f"shared: {', '.join(sorted(shared))}" if shared else ""

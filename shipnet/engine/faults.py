@@ -16,7 +16,7 @@ __all__ = [
 
 @record
 class EngineFault(Fault):
-    """A fault at a place in the system; base class of all kinds."""
+    """A fault at a place in the system; base class of all kinds of faults."""
 
     words: ClassVar[str] = ""
     at: ClassVar[Literal["box", "cable", "channel", "sensor"]] = "box"

@@ -47,7 +47,7 @@ def pt100_temperature(resistance: npt.ArrayLike) -> float | Floats:
     low, high = (float(pt100_resistance(end)) for end in PT100)
     r = _within("resistance", resistance, low, high, "ohm")
     t = (-_A + np.sqrt(_A**2 - 4 * _B * (1 - r / _R0))) / (2 * _B)
-    # This formula is wrong by 2.5 K at -200 degC; each step of Newton's method squares the error.
+    # The closed form is wrong by 2.5 K at -200 degC; each Newton step squares the error.
     cold = np.minimum(t, 0)
     for _ in range(4):
         error = 1 + _A * cold + _B * cold**2 + _C * (cold - 100) * cold**3
@@ -82,8 +82,8 @@ NAMUR = (3.6e-3, 3.8e-3, 20.5e-3, 21e-3)
 _PARTS = [(i - _LOOP[0]) / (_LOOP[1] - _LOOP[0]) for i in NAMUR]
 
 #: Signal of each kind of sensor by wire fault: resistance [ohm], current [A], contact (1 is
-#: closed). A short circuit across a transmitter connects the supply to the 250 ohm alone; at 24 V
-#: the current is 96 mA, which is outside every window.
+#: closed). A short circuit across a transmitter connects the supply to the 250 ohm resistor alone;
+#: at 24 V the current is 96 mA, which is outside every window.
 WIRE_FAULTS: dict[Literal["open", "short"], dict[str, float]] = {
     "open": {"RTD": np.inf, "4-20 mA": 0.0, "switch": 0.0},
     "short": {"RTD": 0.0, "4-20 mA": np.inf, "switch": 1.0},

@@ -125,7 +125,7 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
                 corners, facecolors=colours, edgecolors="0.3", linewidths=0.5, hatch=hatch
             )
         )  # fmt: skip
-    # Drawing hundreds of texts takes ten times as long as drawing a collection of their outlines.
+    # Drawing hundreds of text objects takes ten times as long as a collection of outlines.
     ax.add_collection(
         PathCollection(
             [_outline(text) for *_, text, _ in words],
@@ -151,7 +151,7 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
 
 @lru_cache(maxsize=4096)
 def _outline(text: str) -> Path:
-    """Return the outline of a text, centred on its capitals [1/72 inch]."""
+    """Return the outline of `text`, centred on its capitals [1/72 inch]."""
     path = TextPath((0, 0), text, size=_SIZE)
     ends = path.vertices[:, 0]
     middle = (ends.min() + ends.max()) / 2

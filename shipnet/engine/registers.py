@@ -1,8 +1,8 @@
 """The registers of a junction box: the coding of values, and the address map.
 
-lee2012 marks a missing value with 0xFF (section III.2.c) but prints neither width nor scale of a
-value. Each polled box stores all points, its own and those that it received on CAN, in the order of
-the points.
+lee2012 marks a missing value with 0xFF (section III.2.c) but prints neither the width nor the
+scale of a value. Each polled box stores all points, its own and those that it received on CAN, in
+the order of the points.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ class Coding:
     """Coding of a value as the content of a register.
 
     `step` is the value of one count, 1e-6..1e6 in the point's unit. With ``"full scale"`` the
-    range fills the bits, from 0 to all ones; with ``"decimal"`` the step is the largest power of
-    ten up to a thousandth of the span.
+    ends of the range are coded as 0 and as all ones; with ``"decimal"`` the step is the largest
+    power of ten up to a thousandth of the span.
 
-    A value that does not fit is clipped to the nearest content. A switch is 0 or 1.
+    A value that does not fit is clipped to the nearest value that fits. A switch is 0 or 1.
 
     Examples
     --------
@@ -62,8 +62,8 @@ class Coding:
     step: float | Literal["full scale", "decimal"]
     error: int = whole(0, 0xFFFF, "", "Content that marks a missing value")
     bits: int = whole(
-        2, 16, "", "Bits in use; unless the step is the full scale, the highest is the sign, in "
-        "two's complement, extended over the whole register", default=16,
+        2, 16, "", "Bits in use; unless the step is the full scale, the number is in two's "
+        "complement, with its sign extended to the whole register", default=16,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -102,7 +102,7 @@ class Coding:
         return np.where(missing, self.error, whole).astype(np.uint16)
 
     def decode(self, points: Iterable[Point], registers: npt.ArrayLike) -> Floats:
-        """Return the values of registers, NaN where one contains the error mark."""
+        """Return the values of registers; NaN for registers that contain the error mark."""
         known = PointList(points)
         r = by_point(known, "registers", registers, "iu")
         if r.size and not 0 <= r.min() <= r.max() <= 0xFFFF:
@@ -117,7 +117,7 @@ class Coding:
         return np.where(signed & (r >= 0x8000), r - 0x10000, r).astype(np.float64)
 
     def _scale(self, points: PointList) -> tuple[Floats, Floats]:
-        """Return the step of each point, and its value at content 0."""
+        """Return the step of each point, and the value for which its register contains 0."""
         full = self.step == "full scale"
         zero = np.array([point.low if full and point.analogue else 0.0 for point in points])
         return np.array([self.step_of(point) for point in points]), zero

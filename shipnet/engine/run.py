@@ -39,7 +39,7 @@ class Cpu:
         self._left = self.begins - length * np.arange(self.begins.size)
 
     def until(self, time: Integers) -> Integers:
-        """Return the CPU time that interrupts left unused up to these times [ns]."""
+        """Return the CPU time not used by interrupts up to each of these times [ns]."""
         begun = np.searchsorted(self.begins, time, side="right")
         if not self.begins.size:
             return np.asarray(time, dtype=np.int64)
@@ -49,12 +49,12 @@ class Cpu:
         return np.asarray(time - taken, dtype=np.int64)
 
     def at(self, left: Integers) -> Integers:
-        """Return when this CPU time is reached, before any interrupt that begins then [ns]."""
+        """Return when a CPU time is reached, before any interrupt that begins at that time [ns]."""
         begun = np.searchsorted(self._left, left, side="left")
         return np.asarray(left + self.length * begun, dtype=np.int64)
 
     def queue(self, due: Integers, work: int) -> Integers:
-        """Return the start times of jobs that wait for each other, in the CPU time of `at` [ns].
+        """Return the start times of jobs that run one after another, in CPU time (see `at`) [ns].
 
         `due` must be in rising order; `work` is the CPU time per job.
         """
@@ -86,7 +86,7 @@ NEVER = -1 << 62
 class Rounds(NamedTuple):
     """Rounds of one box's loop, by number [ns]; `NEVER` for steps that did not happen.
 
-    A round begins at `work`, in the CPU time of `Cpu.at`. Its values are ready at `converted`, and
+    A round begins at `work`, a CPU time as in `Cpu.at`. Its values are ready at `converted`, and
     its frames are queued for the bus at `queued`.
     """
 
@@ -116,7 +116,7 @@ class Frames(NamedTuple):
 
 
 def marks(system: System, cpu: Cpu, heard: Integers) -> Integers:
-    """Return the CPU times at which the timer marks a sender, given when it was `heard` [ns]."""
+    """Return the CPU times at which the timer marks a box whose frames arrive at `heard` [ns]."""
     limit = nanoseconds(system.stale_limit)
     silent = np.diff(heard, append=heard[-1:] + limit + 1) > limit
     return cpu.until(heard[silent] + limit)
@@ -316,7 +316,7 @@ class Timeline:
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """A finished simulation of a `system` with some `faults`; `simulate` creates one.
+    """A finished simulation of a `system` with the given `faults`; `simulate` creates one.
 
     Tables have times in seconds from the start of the AMS; the attributes after `until` are
     internal to the simulator, in nanoseconds.
@@ -527,10 +527,11 @@ class Run:
         )
 
     def alarms(self) -> pd.DataFrame:
-        """Return the alarms of the AMS: ``time_s``, ``source`` (a tag or a channel), ``kind``.
+        """Return the alarms of the AMS: ``time_s``, ``source`` and ``kind``.
 
-        Kinds: ``no answer``, ``answers again`` of a channel, ``0xFF`` (corrected: ``too old``),
-        ``good again`` of a point, ``path lost`` and ``path back`` of a box on two polled channels.
+        Kinds for a channel: ``no answer``, ``answers again``; for a tag: ``0xFF`` (``too old`` in
+        the corrected coding), ``good again``; for a box, if both channels are polled: ``path lost``
+        and ``path back``.
         """
         return self._alarms.copy()
 
@@ -543,7 +544,7 @@ class Run:
         for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
             tags.setdefault(message, []).append(point.tag)
         for message, own in tags.items():
-            # A response makes points good; they turn bad if their limit passes before the next one.
+            # A response makes points good until the next response, or until their limit if earlier.
             fine, end = good[:, message], good_until[:, message]
             time = np.stack([self.views.seen, end], axis=1)
             state = np.stack([fine, fine & (end == until)], axis=1)
@@ -585,7 +586,7 @@ class Run:
 
     @cached_property
     def bus_time(self) -> pd.Series[float]:
-        """Fraction of the time in which the CAN bus and both Modbus lines are busy."""
+        """Fractions of the time for which the CAN bus and each Modbus line are busy."""
         inside = self.sent.start >= 0
         bits = self.system.frame_ns[self.sent.message[inside]]
         busy = {"CAN": int(bits.sum())}

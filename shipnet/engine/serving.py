@@ -49,7 +49,7 @@ FAULT_UNIT, _SENSORS = 247, 100
 _PARTS = (DeadBox, BusOff, CanBreak, ModbusBreak, DeadPort)
 _OF_SENSORS = (StuckSensor, OpenWire, ShortCircuit)
 
-#: Words for faults, which follow a place and a colon.
+#: Words for faults in texts such as ``2:dead``: a place, a colon and the fault.
 _WORDS: dict[str, tuple[type[EngineFault], ...]] = {
     "dead": (DeadBox,), "bus-off": (BusOff,), "cut": (ModbusBreak, CanBreak),
     "stuck": (StuckSensor,), "open": (OpenWire,), "short": (ShortCircuit,),
@@ -86,9 +86,9 @@ def serve(
     Returns
     -------
     Server
-        Unit ids 2 and 3, one slave each. Function code 3 reads one register per point, in the order
-        of Table 3, with temperatures in tenths of a degree. Unit id 247 has `fault_registers`,
-        which inject more faults while the server runs.
+        A server with one slave for each of the unit ids 2 and 3. Function code 3 reads one register
+        per point, in the order of Table 3, with temperatures in tenths of a degree. Unit id 247 has
+        `fault_registers`, which inject more faults while the server runs.
 
     Examples
     --------
@@ -235,7 +235,7 @@ class JunctionBox:
         raise DeviceError(ExceptionCode.ILLEGAL_FUNCTION)
 
     def values(self, time: float) -> Floats:
-        """Return the value of every point in the box at a time [s], NaN where it is marked."""
+        """Return the values of all points as this box holds them at `time` [s]; NaN if marked."""
         now = nanoseconds(time)
         heard = [self._heard(box, now) for box in range(len(self.system.boxes))]
         limit = nanoseconds(self.system.stale_limit)

@@ -177,7 +177,7 @@ def _lost(
 
 
 class _Table:
-    """The values stored in a box: its own and those that it received."""
+    """The values stored in a box: its own, and those that it received on CAN."""
 
     def __init__(
         self,
@@ -236,7 +236,7 @@ class _Table:
 
 
 def _freshest(views: Views, channel: Integers) -> Views:
-    """Return the views after every response; each message is from the channel with newer data."""
+    """Return the views after every response, each message from the channel with the newer data."""
     order = np.argsort(views.seen, kind="stable")
     seen, channel = views.seen[order], channel[order]
     number, known = views.number[order], views.known[order]
@@ -393,7 +393,7 @@ def rounds(
 
 
 def islands(system: System, faults: Sequence[EngineFault], time: int) -> list[list[int]]:
-    """Return the boxes in each part of the bus at a time [ns], without boxes off the bus."""
+    """Return the boxes in each part of the bus at `time` [ns]; boxes off the bus are left out."""
 
     def out(where: str, *kinds: type[EngineFault]) -> bool:
         return any(a <= time < b for a, b in outages(faults, where, *kinds))
@@ -402,7 +402,7 @@ def islands(system: System, faults: Sequence[EngineFault], time: int) -> list[li
     for place, segment in enumerate(system.segments):
         ends = place, (place + 1) % len(part)
         if not out(segment, CanBreak):
-            # The cable passes through a box, whether the box works or not.
+            # The bus runs through each box, even if the box is dead.
             old, new = part[ends[1]], part[ends[0]]
             part = [new if p == old else p for p in part]
     able = [k for k, box in enumerate(system.boxes) if not out(box, DeadBox, BusOff)]
@@ -413,7 +413,7 @@ def islands(system: System, faults: Sequence[EngineFault], time: int) -> list[li
 def send(
     system: System, loops: Sequence[Rounds], span: tuple[int, int], faults: Sequence[EngineFault]
 ) -> Frames:
-    """Return all frames that another box receives within a span [ns], with worst-case stuffing.
+    """Return all frames that some other box receives in a span [ns], with worst-case stuffing.
 
     When a cable, a box or a controller fails or returns, all frames queued or on the bus are lost;
     the next round replaces them.
@@ -509,7 +509,7 @@ def single_failures(
 
 
 def _fault_run(system: System, fault: EngineFault | None, rng: np.random.Generator) -> Run:
-    # The run must last until the last mark and two more polls.
+    # The run must last until two polls after the last mark.
     settled = max(system.staleness_flag().after, RULE) + 3 * system.poll_period
     start, stop = (10.0, inf) if fault is None else (fault.start, fault.stop)
     end = start + max(2 * settled, _LENGTH) if stop == inf else stop + settled

@@ -69,8 +69,8 @@ class Firmware:
     -----
     The Modbus interrupt suspends everything else; the bytes of its response are sent one by
     one alongside other work. The short timer and CAN routines run while the loop waits for the
-    multiplexer, so they do not prolong it (lee2012, section III.2, figures 5 and 6). A conversion
-    takes 13 cycles of a clock of 50..200 kHz (Atmel, AT90CAN32/64/128 data sheet).
+    multiplexer, so they do not delay the loop (lee2012, section III.2, figures 5 and 6). A
+    conversion takes 13 cycles of a clock of 50..200 kHz (Atmel, AT90CAN32/64/128 data sheet).
 
     Examples
     --------
@@ -118,8 +118,8 @@ class SwitchOver(NamedTuple):
     """Times of a switch-over to the other channel [s].
 
     `request` and `answer` begin at the unanswered request: `request` ends at the first request on
-    the other channel, `answer` at the end of its response. `loss` runs from the loss of the channel
-    to the end of that response; `gap` is the time between two responses. Both are worst cases.
+    the other channel, `answer` at the end of its response. `loss` is the longest time from the loss
+    of the channel to the end of that response, `gap` the longest time between two responses.
     """
 
     request: float
@@ -142,7 +142,7 @@ class FailureBounds(NamedTuple):
 
 
 class StalenessFlag(NamedTuple):
-    """Longest time a silent box goes unnoticed: from its failure, and as the age of a value [s]."""
+    """Longest time until a box's failure is noticed, and greatest age of its values by then [s]."""
 
     after: float
     oldest: float
@@ -252,7 +252,7 @@ class System:
 
     @classmethod
     def corrected(cls, **changes: Any) -> System:
-        """Return a system that meets the 2 s rule for the age of its data, with some `changes`.
+        """Return a system that meets the 2 s rule for the age of data, with the given `changes`.
 
         The system has the corrected coding, polls both channels and updates every 0.25 s.
         """
@@ -273,7 +273,7 @@ class System:
 
     @property
     def segments(self) -> tuple[str, ...]:
-        """Names of the CAN cables, each made of the boxes at its ends."""
+        """Names of the CAN cables, each formed from the names of the boxes at its ends."""
         ends = list(zip(self.boxes, self.boxes[1:], strict=False))
         if self.topology == "ring" and len(self.boxes) > 2:
             ends.append((self.boxes[-1], self.boxes[0]))
@@ -500,9 +500,9 @@ class System:
 
         .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
 
-        In the printed design any frame of a box restarts its timer, so a box that dies within a
-        round leaves values of the previous round valid. In the corrected design the AMS marks
-        values by age.
+        In the printed design any frame of a box restarts the timer that monitors it, so if a box
+        dies within a round, values of the previous round stay valid. In the corrected design the
+        AMS marks values by age.
         """
         if self.coding == "corrected":
             return StalenessFlag(self.age_limit, self.age_limit)
@@ -540,7 +540,7 @@ class System:
         return SwitchOver(lost, answer, loss, max(self._gaps(1)))
 
     def _in_vain(self, tries: int, broken: int) -> list[float]:
-        """Return the possible durations of some unanswered tries on one channel [s].
+        """Return the possible durations of this number of failed tries on one channel [s].
 
         Up to `broken` of them end with a broken or damaged response, which the AMS notices when the
         whole response is due; the other tries get no response.
@@ -565,7 +565,7 @@ class System:
         return before, max(after, self.poll_spacing())
 
     def _oldest_read(self, broken: int) -> float:
-        """Return the greatest age shown as good while the AMS leaves a failing channel 1 [s]."""
+        """Return the greatest age shown as good when channel 1 fails, and afterwards [s]."""
         before, after = self._gaps(broken)
         healthy, ports = self.suspended_ns, np.isin(np.arange(len(self.boxes)), self.ports)
         # If a round of a loop takes longer than a poll, several requests can fall in one round.
@@ -595,7 +595,7 @@ class System:
         poll, and A the age from `worst_age`. If frames are damaged at random, each try may take
         :math:`t_{poll}`. A failure on the CAN bus destroys the frames of one round, so A grows by
         one update period. A silent box has the bound of `staleness_flag`. In the printed design
-        random losses on CAN have no bound: one frame keeps all values of its box valid.
+        random losses on CAN have no bound: any frame keeps all values of its box valid.
         """
         answer, gap = self.poll.time, self.poll_spacing()
         healthy = oldest = float(self.worst_age()["worst_s"].max())
@@ -666,7 +666,7 @@ class System:
         """Return all lasting single faults that begin at a time [s].
 
         They are the failure of each cable, port, box and CAN node, the loss of half the frames of
-        each box and channel, and a stuck first sensor in each box.
+        each box and channel, and a fault that leaves the first sensor of each box stuck.
         """
         first = tuple(own[0].tag for own in self.points.by_box().values())
         places = {**self.places, "sensor": first}
