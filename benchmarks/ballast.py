@@ -1,7 +1,8 @@
-"""How much faster valves are simulated all at once than in a loop or with differential equations.
+"""How much faster valves are simulated all at once than in a loop or by differential equations.
 
 The equations also include the compliance of the oil and the mass, so they are a more detailed
-model, not just a slower way to the same numbers. The difference of the results is printed too.
+model, not just a slower way to compute the same results. The difference between the results of the
+equations and of the closed form is printed too.
 """
 
 import sys

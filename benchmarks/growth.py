@@ -133,7 +133,7 @@ def main():
             "memory exponent": power(ours, 2), "peer": peer or "-",
         }  # fmt: skip
         if peer:
-            # Our time at the peer's largest size, interpolated linearly in logarithms.
+            # Our time at the peer's largest size, interpolated linearly on logarithmic scales.
             own = np.exp(np.interp(np.log(few[-1]), *np.log(ours[:, :2]).T))
             row["faster than peer"] = f"{theirs[-1, 1] / own:.1f}x"
         table.append(row)

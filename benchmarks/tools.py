@@ -1,8 +1,8 @@
 """How long a tool takes to open (target: 1 s) and to respond to a slider (target: 100 ms).
 
 The first picture is timed in a fresh process with interpreter, imports and page, but without
-Voila or a browser; see tools_latency.py. `update` and `figure` are the longest times over both
-ends of every slider, without cached results.
+Voila or a browser; see tools_latency.py. `update` and `figure` are the longest times to
+update and to draw, with every slider at both ends in turn and without cached results.
 """
 
 import subprocess

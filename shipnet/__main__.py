@@ -66,7 +66,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
 
 
 def _marked(transactions: pd.DataFrame) -> pd.DataFrame:
-    """Return transactions with 0b before their bits, so that no program reads bits as decimals."""
+    """Return transactions with 0b before their bits, so that no program reads them as decimals."""
     bits = transactions[["request", "response"]]
     return transactions.assign(**bits.where(bits == "", "0b" + bits))
 

@@ -39,7 +39,7 @@ class Range(NamedTuple):
 
     @classmethod
     def around(cls, nominal: float, status: str) -> Range:
-        """Return the range around a nominal value; `SPREAD` has its relative half-width."""
+        """Return the range around a nominal value, with the relative half-width from `SPREAD`."""
         return cls(nominal * (1 - SPREAD[status]), nominal, nominal * (1 + SPREAD[status]))
 
 

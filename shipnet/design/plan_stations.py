@@ -314,7 +314,7 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
         in_time = bool((scan + np.array(longest) <= needs).all())
         if in_time:
             break
-    # A higher bit rate would not help, because its sections are not longer.
+    # A higher bit rate would not help, because it does not allow longer sections.
     length = _longest_section(limits, rate)
     repeaters = sections(trunk.hops.tolist(), length=length, unit_loads=limits.unit_loads)
     fits = in_time and repeaters is not None and len(repeaters) <= limits.repeaters

@@ -62,7 +62,7 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
     each = (draft.wires[box.rows] + 1) // 2
     number = max(1, ceil(needed(int(each.sum())) / largest))
     while True:
-        # Divide where the sum of pairs exceeds an equal part.
+        # Start a new part where the sum of pairs passes a multiple of an equal share.
         share = np.cumsum(each) - each / 2
         part = np.minimum((share * number / each.sum()).astype(np.intp), number - 1)
         parts = [box.rows[part == own] for own in range(number) if (part == own).any()]

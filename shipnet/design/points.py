@@ -50,7 +50,7 @@ _MARK = r"\W*(?:deleted?|cancell?ed|void|not used|spare|삭제|예비)"
 _MARKED = re.compile(rf"{_MARK}\W*", re.IGNORECASE)
 _MARKED_TAG = re.compile(rf"{_MARK}\b.*", re.IGNORECASE)
 
-#: Start of a text that a spreadsheet would read as a formula if there were no apostrophe.
+#: Start of text that a spreadsheet would read as a formula if there were no apostrophe.
 _FORMULA = re.compile(r"'+[=+\-@]")
 
 
@@ -153,7 +153,7 @@ class Cells:
         """Return the rows that are points, and add remarks on the other rows."""
         points, left = [], dict[str, list[int]]()
         heads = [{cell for cell in titles if cell} for titles in self._repeated]
-        # Few rows contain a title, or a mark of a point that will not be built.
+        # Only few rows contain a title or mark a point that will not be built; examine only these.
         words = set(chain.from_iterable(cells for _, cells in rows))
         marked = set(filter(_MARKED.fullmatch, words))
         suspect = marked.union(*heads)
@@ -209,7 +209,7 @@ class Cells:
         width = len(self.titles)
         beside = [row for row, (_, cells) in enumerate(rows) if any(cells[width:])]
         if self.sheet.separator:
-            # The row is shifted, or a number contains a comma.
+            # Either the row is shifted, or a number contains a comma.
             for row in beside:
                 self.fault(row, "", f" has {len(rows[row][1])} cells; expected {width}")
         elif beside:
@@ -323,7 +323,7 @@ ROUNDED = 0.2
 
 
 def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, Floats]:
-    """Return the numbers of an I/O list, and record all faults in them."""
+    """Return the values of all numeric columns, and record all faults in them."""
     mark = decimal_mark(set().union(*(cells[name] for name in RANGES)))
     if mark == ",":
         cells.remarks.append(Remark("numbers have a decimal comma", detail=True))
@@ -624,7 +624,7 @@ class PointTable:
         return tuple(str(note) for note in self.notes if not note.detail)
 
     def reading(self) -> pd.DataFrame:
-        """Return a table of the remarks on how the list was read, with the rows and any doubt."""
+        """Return a table of the remarks on how the list was read: what, count, rows, doubt."""
         rows = []
         for note in self.notes:
             which = listed(note.rows, None)[1:].lstrip() if note.rows else ""

@@ -41,7 +41,7 @@ from shipnet.tables import NUMBER, Sheet, frame_sheet, in_order, read_sheet, tit
 
 # Measures of a planned design that a rule may limit ---------------------------------------------
 
-#: Open international standard or public specification of each bus that has one, and its CRC.
+#: Open international standard or public specification of each bus that has one, and the CRC.
 STANDARDS: Mapping[str, tuple[str, Crc | None]] = {**DATA_LINKS, "AS-i": ("IEC 62026-2", None)}
 
 #: Longest update time of a fast point [ms]: the shortest time in class rules, 0.1 s in
@@ -226,7 +226,7 @@ def _change_over(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         return lost
     if lost.computed:
         return Outcome(float("inf"), lost.subject, "has no second supply in parallel")
-    return Outcome(0.0, "", "two supplies feed in parallel, so none has to take over")
+    return Outcome(0.0, "", "two supplies feed in parallel, so neither has to take over")
 
 
 def _buses(facts: Facts) -> list[str]:
@@ -305,7 +305,7 @@ def _spur_current(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 
 def _runs(kind: str, total: bool, ohms: bool = False) -> _Compute:
-    """Return the function for a kind of cable: maximum length, or total per segment and line."""
+    """Return the function that finds a cable kind's longest run, or largest total on a line."""
 
     def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         runs, known = facts.design.cables, cables()
@@ -640,7 +640,7 @@ def longest_responses(rules: Iterable[Rule], points: pd.DataFrame, host_time: fl
     longest = np.full(len(points), np.inf)
     for rule in rules:
         if rule.measure == "response" and rule.bound != "at least":
-            # Reduced slightly, so that rounding errors do not decide.
+            # Reduced slightly, so that a rounding error cannot decide the verdict.
             limit = (rule.limit - rule.host * host_time) * (1 - 1e-9)
             mine = APPLIES[rule.applies](points).to_numpy(bool)
             longest[mine] = np.minimum(longest[mine], limit)

@@ -300,7 +300,7 @@ _COMMA = re.compile(r"^[\w. \t]+=[ \t]*([0-9]+,[0-9]+)[ \t]*(?:#.*)?$", re.MULTI
 #: grows with the square of each.
 _LARGEST, _DEEPEST = 1_000_000, 8
 
-#: Strings and comments, brackets, and a key of many parts.
+#: Patterns for strings and comments, for brackets, and for a key with too many parts.
 _QUOTED = re.compile(r""""[^"\n]*"|'[^'\n]*'|#[^\n]*""")
 _BRACKET = re.compile(r"[\[{]|[\]}]")
 _LONG_KEY = re.compile(rf"(?<![\w\"-])(?:[\w\"-]+[ \t]*\.[ \t]*){{{_DEEPEST}}}")

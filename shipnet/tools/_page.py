@@ -213,8 +213,8 @@ class Page(widgets.VBox):  # type: ignore[misc]
 
         def take(_: object) -> None:
             files = upload.value
-            # Empty the widget, so that a corrected file of the same name is a change. Do so before
-            # the page responds, because a file loaded at that moment would be lost.
+            # Empty the widget, so that loading a corrected file of the same name is a change, but
+            # do so before the page responds, because a file loaded at that moment would be lost.
             upload.value = ()
             for file in files:
                 name, content = file["name"], bytes(file["content"])

@@ -145,7 +145,7 @@ class ShipDesign(Tool):
     mixed: str = choice(
         {name: name for name in ("none", *MIXES)}, default="none", label="a mix",
         help="One more option, which connects some points by one method and the others by another. "
-        "With few boxes and stations, a mix may cost more than either alone.",
+        "With few boxes and stations, a mix may cost more than either method alone.",
     )  # fmt: skip
     redundant: bool = switch(
         default=False, label="two lines", help="The trunks of CAN and Modbus are laid twice."
