@@ -37,7 +37,7 @@ def stroke():
 
 
 def day(n_valves):
-    """Simulate a day with an hourly command to every valve; return the number of instants."""
+    """Simulate a day with an hourly command to every valve; return the number of samples."""
     hours = range(24)
     orders = [Command(("open", "close")[hour % 2], 3600.0 * hour) for hour in hours]
     run = blocks(n_valves, orders, until=86400, rng=np.random.default_rng(1))

@@ -82,7 +82,7 @@ def all_waveforms(samples, late=None, out=None):
 
 
 def deck(network, sender, step):
-    """Write the same network for ngspice."""
+    """Write the same network as a netlist for ngspice."""
     names = {name: name.replace(" ", "_") for name in network.nodes}
     lines = ["* 62 slaves", ".func cl(x) {min(max(x,0),1)}"]
     lines.append(f".func rho(x) {{cl(x)-sin({2 * np.pi!r}*cl(x))/{2 * np.pi!r}}}")

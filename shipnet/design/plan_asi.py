@@ -138,7 +138,7 @@ def _extended(profile: str) -> bool:
 
 
 def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> Indices:
-    """Return how many points the module of each point may have; 0 if even one is too slow."""
+    """Return how many points each point's module may have; 0 if it is too slow even alone."""
     limits, need = draft.settings.asi, draft.need[rows]
     channels, least = np.zeros(len(rows), dtype=np.intp), np.empty(len(rows))
     for output, kind, most in ((False, "DI", limits.inputs), (True, "DO", limits.outputs)):

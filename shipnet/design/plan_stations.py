@@ -82,7 +82,7 @@ def pack(types: Sequence[str], times: Floats) -> list[Packed]:
     for way in (False, True):
         for time in np.unique(times[output == way]):
             rows = np.flatnonzero((output == way) & (times == time))
-            # Values fill whole frames, so that no value is split; states follow in the last frame.
+            # Values come first, four per frame, so that none is split between frames; then states.
             first, size = packed(analogue[rows], ANALOGUE_BITS)
             frame, bit = np.divmod(first, FRAME_BITS)
             for number in range(-(-8 * size // FRAME_BITS)):

@@ -239,7 +239,7 @@ class Cells:
         return self._columns[place] if place < len(self._columns) else [""] * len(self.rows)
 
     def given(self, name: str) -> Bools:
-        """Return a mask of the cells of a column that are filled."""
+        """Return a mask of the filled cells of a column."""
         return np.fromiter(map(bool, self[name]), bool, len(self.rows))
 
     def title(self, name: str) -> str:
@@ -270,7 +270,7 @@ class Cells:
             self.remarks.append(Remark(what, numbers, doubt=True))
 
     def odd(self, row: int, name: str) -> str:
-        """Return a description of a cell that is neither text nor a number, else ""."""
+        """Return a description of a cell that is neither text nor a number, otherwise ""."""
         places = self.places.get(name, [-1])
         return self.sheet.odd.get((self.rows[row], places[0]), "")
 
@@ -300,7 +300,7 @@ def _holds_number(cell: str) -> bool:
 
 
 def clean(cell: str) -> str:
-    """Return the text of a cell on one line, without an apostrophe before a formula."""
+    """Return the text of a cell as one line, without the apostrophe that precedes a formula."""
     # The space is the only printable whitespace character.
     text = cell if cell.isprintable() and "  " not in cell else " ".join(cell.split())
     return text[1:] if text[:1] == "'" and _FORMULA.match(text) else text
@@ -316,7 +316,7 @@ def _cleaned(cells: Sequence[str]) -> list[str]:
     return [known[cell] for cell in cells]
 
 
-# The numbers of an I/O list: positions of points and boxes, lengths of cables, update times ------
+# Numeric columns of an I/O list: positions of points and boxes, lengths of cables, update times --
 
 #: Amount by which rounding may make a cable shorter than the straight distance [m].
 ROUNDED = 0.2
@@ -375,7 +375,7 @@ def _place_by_frames(cells: Cells, numbers: dict[str, Floats]) -> None:
 
 
 def _check_partly(cells: Cells, names: Sequence[str]) -> Bools:
-    """Check that each point has all coordinates or none, and return a mask of the given ones."""
+    """Check that each point has all coordinates or none; return a mask of those given."""
     have = np.column_stack([cells.given(name) for name in names])
     for row in np.flatnonzero(have.any(axis=1) & ~have.all(axis=1)).tolist():
         missing = [name for name, one in zip(names, have[row], strict=True) if not one]

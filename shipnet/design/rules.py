@@ -388,9 +388,9 @@ MEASURES: Mapping[str, Measure] = {
         _lost(("device",), None, "no device except the cabinet"),
     ),
     "systems on one link": Measure(
-        "systems", "systems that the worst failure of a link affects", _systems
+        "systems", "systems affected by the worst failure of a link", _systems
     ),
-    "lines of a link": Measure("lines", "fewest lines of a link", _lines),
+    "lines of a link": Measure("lines", "smallest number of lines of a link", _lines),
     "links without a standard": Measure("links", "buses without an open standard", _standard),
     "bit errors unseen": Measure(
         "patterns", "patterns of one or two wrong bits that a CRC misses", _unseen
@@ -408,7 +408,7 @@ MEASURES: Mapping[str, Measure] = {
         _fed(lambda t: t["source_v"] - t["voltage_v"]),
     ),
     "voltage above nominal": Measure(
-        "%", "largest excess over 24 V of a supply of stations or outputs", _supply_voltage
+        "%", "largest excess of a supply over 24 V, for stations or outputs", _supply_voltage
     ),
     "supply load": Measure(
         "%", "largest current of a supply, as a percentage of its rating", _supply_load
@@ -430,7 +430,7 @@ MEASURES: Mapping[str, Measure] = {
         "%", "resistance of a CAN trunk's conductor, as a percentage of the value for its length",
         _resistance_by_length,
     ),
-    "devices of a segment": Measure("devices", "largest number, including the master", _nodes),
+    "devices of a segment": Measure("devices", "most on a segment, including the master", _nodes),
     "load units": Measure("units", "units of 50 mA that one supply feeds", _units),
     "load units of a device": Measure(
         "units", "units of 50 mA that one device draws",
@@ -684,7 +684,7 @@ def _outcome(rule: Rule, facts: Facts) -> Outcome:
     out = int((concerned & facts.left_out).sum())
     if not out or outcome.partial or rule.measure == LEFT_OUT:
         return outcome
-    # An unconnected point is neither late nor lost, so a pass would not cover it.
+    # An unconnected point is neither late nor lost, so the value does not cover it.
     said = f"{out} point{'s' if out > 1 else ''} left out"
     why = f"{outcome.why}; {said}" if outcome.why else said
     return outcome._replace(why=why, partial=True)

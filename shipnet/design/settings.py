@@ -184,7 +184,7 @@ class ModbusLimits:
     )
     length: float = number(
         1, 10e3, "m", "Longest cable between the ends or repeaters: EIA-485, 4000 ft up to 100 "
-        "kbit/s, inversely proportional to the bit rate above", default=_RS485.length,
+        "kbit/s; above that, inversely proportional to the bit rate", default=_RS485.length,
     )  # fmt: skip
     unit_loads: int = whole(
         2, 256, help="Devices between the ends or repeaters, including the master: EIA-485",
@@ -307,7 +307,7 @@ _LONG_KEY = re.compile(rf"(?<![\w\"-])(?:[\w\"-]+[ \t]*\.[ \t]*){{{_DEEPEST}}}")
 
 
 def _check_size(text: str, source: str) -> None:
-    """Raise InputError for a text that is too long or too deeply nested to be read quickly."""
+    """Raise InputError if text is too long or too deeply nested to be read quickly."""
     if len(text) > _LARGEST:
         raise InputError(
             source, f"has {len(text)} characters; a file of settings may have {_LARGEST}"
