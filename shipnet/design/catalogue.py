@@ -182,7 +182,7 @@ def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
     return drawn
 
 
-#: Spelling of parts of assumption names in sentences.
+#: Parts of assumption names that are spelled differently in sentences.
 _SPELT = {"asi": "AS-i", "can": "CAN", "modbus": "Modbus", "plc": "PLC"}
 
 

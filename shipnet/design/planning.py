@@ -107,8 +107,8 @@ def plan(
 ) -> Design:
     """Connect the points of a list by one option, except those for which `mix` names another.
 
-    If a response is longer than `rules` allow, the points are planned again within that limit,
-    except those that would then fit nowhere.
+    If a response is longer than `rules` allow, the points are planned again within that limit;
+    points that would then fit nowhere are exempt from it.
     """
     choose = mix or {}
     check_choice("option", option, OPTIONS)

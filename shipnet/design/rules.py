@@ -408,7 +408,7 @@ MEASURES: Mapping[str, Measure] = {
         _fed(lambda t: t["source_v"] - t["voltage_v"]),
     ),
     "voltage above nominal": Measure(
-        "%", "largest excess of a supply over 24 V, for stations or outputs", _supply_voltage
+        "%", "largest excess over 24 V of any supply for stations or outputs", _supply_voltage
     ),
     "supply load": Measure(
         "%", "largest current of a supply, as a percentage of its rating", _supply_load

@@ -195,7 +195,7 @@ class ModbusLimits:
     processing: float = number(0, 60, "s", "Processing time of a station; assumed", default=0.005)
     timeout: float = number(
         0.001, 60, "s", "Time-out beyond the longest response, after which the master uses the "
-        "second line; the guide gives 1 s to several seconds", default=1.0,
+        'second line; "MODBUS over serial line" gives 1 s to several seconds', default=1.0,
     )  # fmt: skip
     character: str = choice(
         CHARACTERS, "Data bits, parity and stop bits of a character", default="8E1"

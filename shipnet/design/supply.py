@@ -75,7 +75,7 @@ class Forest:
         """
         flow, drop = self.load.copy(), np.zeros(len(self.load))
         for level in reversed(self.levels):
-            np.add.at(flow, self.parent[level], flow[level])  # in fixed order, for the same bits
+            np.add.at(flow, self.parent[level], flow[level])  # in fixed order: reproducible
         along = flow + self.short if short else flow
         for level in self.levels:
             lost = self.metres[level] * self.ohms[level] * along[level]
