@@ -4,7 +4,7 @@ import os
 from functools import partial
 from time import process_time
 
-# The targets are for one core; numpy reads these variables when it is imported.
+# Run on one core, as the targets assume; numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 

@@ -2,7 +2,7 @@
 
 import os
 
-# The targets are for one core; numpy reads these variables when it is imported.
+# Run on one core, as the targets assume; numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from itertools import pairwise
@@ -46,7 +46,7 @@ def by_clusters(places):
 
 
 def by_greed(places):
-    """Group greedily: take the first place left, and the nearest ones within reach of its group."""
+    """Group greedily: take the first remaining place, and the nearest within reach of its group."""
     left = list(range(len(places)))
     labels = np.empty(len(places), dtype=int)
     group = 0

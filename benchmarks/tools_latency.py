@@ -27,7 +27,7 @@ from tests.browser.conftest import ARGUMENTS, BROWSERS, served
 EXPLORE = app.ROOT / "notebooks" / "explore"
 TOOLS = sorted(path.stem for path in EXPLORE.glob("*.ipynb"))
 STORED, LIVE = ".shipnet-stored img", "img.shipnet-picture"
-# Voila logs this for each kernel that it keeps ready.
+# Text that Voila logs for each kernel that it keeps ready.
 FILLED = "is filled with"
 CHANGES = 9
 LONG = 120_000

@@ -284,7 +284,7 @@ def main(uv: str = "uv") -> int:
             kept.append(name)
             print(f"skipped: {name}: {problem}", flush=True)
     jobs = [(c, kind, fault) for c in clients for kind in c.kinds for fault in faults(kind)]
-    with ThreadPoolExecutor(6) as pool:  # they mostly wait
+    with ThreadPoolExecutor(6) as pool:  # the threads mostly wait
         new: list[dict[str, object]] = list(pool.map(lambda job: rows(*job), jobs))
     if TABLE.exists():
         with TABLE.open(encoding="utf-8") as file:

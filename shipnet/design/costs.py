@@ -440,7 +440,7 @@ class Tornado:
     every: pd.DataFrame
 
     def table(self) -> pd.DataFrame:
-        """Return one row per assumption: the figure with it low and high, and the swing."""
+        """Return, per assumption, the figure with the assumption low and high, and the swing."""
         return self.every.copy()
 
     def plot(self, ax: Axes | None = None, *, rows: int = 8) -> Axes:

@@ -96,8 +96,8 @@ class Reach:
     def lost(self, failures: Sequence[Failure]) -> list[Integers]:
         """Return the indices of the points lost by each failure.
 
-        A failure has no effect outside its area. Therefore one failure per area is examined at the
-        same time, and the area of a lost point shows which failure caused the loss.
+        A failure has no effect outside its area. Therefore failures in different areas are examined
+        at the same time, and the area of a lost point shows which failure caused the loss.
         """
         of_item, of_point = self._areas
         size, n_points, connected = len(self.kinds), len(of_point), self._connected
