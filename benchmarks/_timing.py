@@ -1,14 +1,15 @@
-"""Timer of the benchmarks."""
+"""Timer for the benchmarks."""
 
 from time import perf_counter
 from timeit import timeit
 
 
 def seconds(function, repeats=None, timer=perf_counter):
-    """Return the shortest of several times, which is the least disturbed by other work.
+    """Return the shortest of several run times, which is the least disturbed by other work.
 
-    The timer `process_time` counts neither other programs nor child processes. Without `repeats`,
-    the function is called at least three times, until 0.1 s have passed or 1000 calls were made.
+    With `process_time` as timer, other programs and child processes are not counted. Without
+    `repeats`, the function is called at least three times, and then until the calls have taken
+    0.1 s in total or 1000 calls were made.
     """
     times = []
     total = 0.0

@@ -42,7 +42,7 @@ def record(duration, rate):
 
 
 def plain_decode(u, dt):
-    """Decode as a simple script would: sample by sample, with fixed threshold and parity check."""
+    """Decode as a simple script would: by sample, with a fixed threshold and a parity check."""
     mean = sum(u) / len(u)
     pulses, loud, sign, top, at = [], False, 0, 0.0, 0
     for k, sample in enumerate(u):

@@ -2,7 +2,7 @@
 
 import os
 
-# The targets are for one core; numpy reads these variables when it is imported.
+# Run on one core, as the targets assume; numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from dataclasses import replace
@@ -47,7 +47,7 @@ def main():
         batch = partial(count_errors, wave, disturbance, amplitude, NUMBER, rng, receiver=receiver)
         loop = partial(plain_loop, wave, disturbance, amplitude, SAMPLE, rng, receiver)
         rate, low_rate = batch()["rate"][0], loop()
-        # Both do the same work, so their rates must agree within five sigma of the loop's rate.
+        # Batch and loop do the same work, so the rates must agree within five sigma of the loop's.
         assert abs(rate - low_rate) < 5 * np.sqrt(rate * (1 - rate) / SAMPLE) + 0.03
         ours, theirs = NUMBER / seconds(batch), SAMPLE / seconds(loop)
         print(f"{name:<26}{ours:>14.3g}{theirs:>12.3g}{ours / theirs:>11.0f}x")

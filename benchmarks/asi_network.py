@@ -1,8 +1,9 @@
 """Simulate an AS-i line of 62 slaves telegram by telegram, compared with the same loop in SimPy.
 
-In each cycle both poll one slave of each of 31 addresses, read the status of one slave, and poll
-a vacant address; a lost request or response is repeated at once. Both get the same disturbances
-and must give the same cycle times. Rates are requests per second; a real line carries about 6400.
+In each cycle, both programs poll one slave at each of 31 addresses, read the status of one slave,
+and poll a vacant address; a lost request or response is repeated at once. Both programs get the
+same disturbances and must give the same cycle times. Rates are in requests per second; a real line
+carries about 6400.
 """
 
 from unittest.mock import patch

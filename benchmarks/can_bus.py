@@ -4,7 +4,7 @@ import os
 from functools import partial
 from time import process_time
 
-# The targets are for one core; numpy reads these variables when it is imported.
+# Run on one core, as the targets assume; numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 
@@ -22,7 +22,7 @@ SINGLE, LOOPED, BATCH, SETS = 60.0, 10.0, 3.0, 2000  # simulated seconds; sets o
 
 
 def peer(messages, duration):
-    """Return frames sent and longest response times [us], with one SimPy process per message."""
+    """Return each message's frames sent and longest response [us], from one SimPy process each."""
     horizon = round(duration * 1e6)
     environment = simpy.Environment()
     bus = simpy.PriorityResource(environment, capacity=1)
@@ -68,7 +68,7 @@ def main():
     assert np.rint(batch.max_response[0] * 1e6).astype(int).tolist() == longest
 
     frames = sum(sent) / LOOPED
-    noise = faults.BitErrors(1e-5)  # disturbs about one frame in a thousand
+    noise = faults.BitErrors(1e-5)  # about one disturbed frame in a thousand
     rates = {
         "simpy": LOOPED / seconds(lambda: peer(messages, LOOPED)),
         "simulate": SINGLE / seconds(lambda: simulate(messages, BIT_RATE, until=SINGLE)),

@@ -13,7 +13,7 @@ seconds = partial(shortest, timer=process_time)
 BIT_RATE = 250_000
 BIT = 1 / BIT_RATE
 
-#: Subtracted before rounding up, so that rounding errors do not add one to a multiple [s].
+#: Subtracted before rounding up, so that a rounding error does not raise a whole number by one [s].
 DUST = 1e-12
 
 
@@ -60,7 +60,7 @@ def plain(messages):
 
 
 class EventModel:
-    """The two functions of compositional analysis, for a period and a jitter."""
+    """The event functions of compositional analysis, for a message with period and jitter."""
 
     def __init__(self, period, jitter, frame):
         self.period, self.jitter, self.frame = period, jitter, frame
@@ -75,7 +75,7 @@ class EventModel:
 
 
 def busy_window(messages):
-    """Compute the response times from event models, for each instance in a busy window."""
+    """Compute the response times from event models, instance by instance in each busy window."""
     tasks = [EventModel(m.period, m.jitter, (55 + 10 * m.dlc) * BIT) for m in messages]
     responses = []
     for place, task in enumerate(tasks):

@@ -1,7 +1,8 @@
 """How much faster two Dask workers are than one, for rare errors and a fleet as Parquet files.
 
-Wall times are meaningful only on an idle machine. The CPU time of one worker divided by that of
-the busier of two shows how evenly the work is shared, on any machine. Workers are warmed up first.
+Wall times are meaningful only on an idle machine. On any machine, the CPU time of a single worker,
+divided by that of the busier of two, shows how evenly the work is shared. Workers are warmed up
+before they are timed.
 """
 
 import os

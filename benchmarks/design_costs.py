@@ -1,6 +1,6 @@
 """How fast random costs are computed: all draws of an option at once, or one by one in a loop.
 
-Both get the same quantiles of the same assumptions, and must give the same costs.
+Both methods get the same quantiles of the same assumptions and must give the same costs.
 """
 
 import numpy as np

@@ -1,14 +1,15 @@
 """How fast all single failures of a plan are evaluated, compared with a loop over networkx.
 
-Both get the same plan of 2000 points, with one line per bus. The loop removes one cable or one box
-from the graph of cables, finds with networkx what the cabinet still reaches, and restores it. The
-loop gets a sample; its results must be the same, and its time is scaled up. It ignores supplies and
-short circuits, which shipnet covers; AS-i, where both matter, is therefore left out.
+Both programs get the same plan of 2000 points, with one line per bus. The loop removes one cable or
+box from the graph of cables, finds with networkx which points the cabinet still reaches, and puts
+the cable or box back. It evaluates only a sample of the failures: its results must equal those of
+shipnet, and its time is scaled up. The loop ignores supplies and short circuits, which shipnet
+covers; AS-i is therefore left out, because its results depend on them.
 """
 
 import os
 
-# The targets are for one core; numpy reads these variables when it is imported.
+# Run on one core, as the targets assume; numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 

@@ -1,8 +1,8 @@
-"""How long plans take, and what clusters and assignments save compared with a greedy loop."""
+"""How long planning takes, and how much wire its groups and routes save over greedy loops."""
 
 import os
 
-# The targets are for one core; numpy reads these variables when it is imported.
+# Run on one core, as the targets assume; numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from itertools import pairwise
@@ -46,7 +46,7 @@ def by_clusters(places):
 
 
 def by_greed(places):
-    """Group greedily: take the first place left, and the nearest ones within reach of its group."""
+    """Group greedily: take the first remaining place, and the nearest within reach of its group."""
     left = list(range(len(places)))
     labels = np.empty(len(places), dtype=int)
     group = 0

@@ -1,7 +1,7 @@
 """How fast a fleet is diagnosed, compared with loops over scikit-fuzzy and over shipnet's rules.
 
-The readings are from valves that open and close; both loops process only a few of them. In the
-simulated day, 256 valves have one command per hour, and are processed block by block.
+The readings are from valves that open and close; both loops process only a few readings. In the
+simulated day, each of 256 valves receives one command per hour, and the day is processed in blocks.
 """
 
 import warnings
@@ -71,7 +71,7 @@ def main():
     exact = diagnosis.firing(valve + 1).strength[known]
     assert np.abs(control_loop(rows) - exact).max() < 1e-12
     assert np.array_equal(own_loop(rows), exact)
-    # Diagnosis in blocks, with dead bands, must give the same decisions as the whole array.
+    # Diagnosis in blocks, with dead bands, must give the same decisions as for the whole array.
     whole = BASE.fire(diagnosis.samples, "midpoint").decide(k=3, n=5).active
     assert np.array_equal(whole, diagnosis.active)
 

@@ -1,7 +1,7 @@
 """A simulated day of the engine system of lee2012, compared with an event-by-event simulation.
 
-The latter covers only a short time, and its run time is scaled up. The tests check that both give
-the same samples to the nanosecond.
+The event-by-event simulation covers only a short time, and its run time is scaled up. The tests
+check that both simulations give the same samples, to the nanosecond.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Compare the bounds for single failures of the engine system with runs at random phases."""
+"""Compare the bounds for single failures of the engine system with simulations at random phases."""
 
 import argparse
 from dataclasses import replace

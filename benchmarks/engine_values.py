@@ -6,7 +6,7 @@ from pymodbus.client.mixin import ModbusClientMixin
 
 from shipnet.engine import InputCard, RegisterMap, read_points
 
-ROWS = 20_000  # one per second: five and a half hours
+ROWS = 20_000  # one row per second for five and a half hours
 SAMPLE = 200  # rows in the loops, whose times are scaled up
 
 

@@ -1,7 +1,8 @@
 """A day of 256 valves, simulated and diagnosed in blocks: time, peak memory and findings.
 
-For comparison, an hour is held in memory at once instead of in blocks, in a process of its own,
-because the peak of a process never falls. The fraction of time for simulation is printed too.
+For comparison, the peak memory is measured for one hour in blocks and for one hour held in memory
+as a whole, each in its own process, because the peak of a process never falls. The fraction of the
+time that is spent on simulation is printed too.
 """
 
 import subprocess
@@ -45,7 +46,7 @@ def simulated_only():
 
 
 def alone(*arguments):
-    """Run a part in its own process and return what it prints."""
+    """Run this program with arguments in its own process, and return what it prints."""
     return subprocess.check_output([sys.executable, __file__, *arguments], text=True).strip()
 
 
@@ -64,7 +65,7 @@ def main():
     print(f"of which simulation {simulated_only() / time:.0%}")
     print(f"peak memory {memory:.0f} MB")
     small, large = float(alone("hour", "2000")), float(alone("hour", "1000000"))
-    print(f"an hour held at once takes {large / small:.1f}x the memory of blocks, {large:.0f} MB")
+    print(f"an hour in one piece takes {large / small:.1f}x the memory of blocks, {large:.0f} MB")
     print(report.summary().round(1).to_string())
 
 

@@ -1,6 +1,6 @@
 """How the time and memory of eight main jobs grow with their size, compared with other programs.
 
-The program prints a table and writes it with a figure to build/growth.html. Times are CPU seconds
+The program prints a table, and writes table and figure to build/growth.html. Times are CPU seconds
 on one core; memory is the peak that Python and numpy allocate.
 """
 
@@ -86,7 +86,7 @@ def valves(n):
     return lambda: run_fleet(n, plan, until=7200, rng=1)
 
 
-#: Job: its function, the unit of its size, our sizes, the peer's name, the peer's sizes.
+#: For each job: function, unit of its size, our sizes, name of the peer program, and its sizes.
 JOBS = {
     "receive AS-i responses": (receiver, "telegrams", (1e3, 1e4, 1e5), "plain loop", (100, 1e3)),
     "decode a capture at 10 MS/s": (capture, "ms", (10, 100, 1000), "plain loop", (30, 100)),
@@ -133,7 +133,7 @@ def main():
             "memory exponent": power(ours, 2), "peer": peer or "-",
         }  # fmt: skip
         if peer:
-            # Our time at the peer's largest size, interpolated linearly in logarithms.
+            # Our time at the peer's largest size, interpolated linearly on logarithmic scales.
             own = np.exp(np.interp(np.log(few[-1]), *np.log(ours[:, :2]).T))
             row["faster than peer"] = f"{theirs[-1, 1] / own:.1f}x"
         table.append(row)

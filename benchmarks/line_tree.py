@@ -1,8 +1,8 @@
-"""How fast waveforms and transfer impedances of a tree are computed, compared at equal error.
+"""How fast waveforms and transfer impedances of a tree are computed, for the same error.
 
-The network: 31 tees along a trunk, a slave at each and one at the end of a stub from each; master
-and power supply at its beginning; 62 slaves on 63 nodes, 99 m. ngspice and scikit-rf are measured
-if they are installed.
+The network has 31 tees along a trunk, with one slave at each tee and one at the end of a stub from
+it; the master and the power supply are at the beginning of the trunk: 62 slaves on 63 nodes, 99 m.
+ngspice and scikit-rf are measured for comparison if they are installed.
 """
 
 import shutil
@@ -82,7 +82,7 @@ def all_waveforms(samples, late=None, out=None):
 
 
 def deck(network, sender, step):
-    """Write the same network for ngspice."""
+    """Write the same network as a netlist for ngspice."""
     names = {name: name.replace(" ", "_") for name in network.nodes}
     lines = ["* 62 slaves", ".func cl(x) {min(max(x,0),1)}"]
     lines.append(f".func rho(x) {{cl(x)-sin({2 * np.pi!r}*cl(x))/{2 * np.pi!r}}}")
@@ -166,7 +166,7 @@ def main():
     every = seconds(lambda: all_waveforms(256, late, out))
     assert (out == all_waveforms(256)).all()
     if shutil.which("ngspice"):
-        time, wave = ngspice(5e-9)  # with a step above the shortest delay, 6.5 ns, it would not end
+        time, wave = ngspice(5e-9)  # above the shortest delay, 6.5 ns, ngspice would never end
         theirs = np.abs(wave - exact).max() / peak
         assert theirs <= ERROR, theirs
         note = f" (error {theirs:.1e})"

@@ -15,7 +15,7 @@ LINE = SerialLine(9600)
 
 
 def seconds(function, repeats=3):
-    """Return the shortest of several times and the function's result."""
+    """Return the shortest of several run times and the function's result."""
     times = []
     for _ in range(repeats):
         begin = perf_counter()
@@ -36,7 +36,7 @@ def graph_counts(n, pairs):
 
 
 def polled(loop, place, start, end):
-    """Poll a loop that breaks in a SimPy process with time-outs; return the successful polls."""
+    """Poll a breaking loop in a SimPy process with time-outs; return the successful polls."""
     env, poll, answers = simpy.Environment(), loop.poll, []
     needed = poll.time - LINE.t35
     port = [0] * loop.n_slaves

@@ -1,8 +1,8 @@
 """How long a tool takes to open (target: 1 s) and to respond to a slider (target: 100 ms).
 
-The first picture is timed in a fresh process with interpreter, imports and page, but without
-Voila or a browser; see tools_latency.py. `update` and `figure` are the longest times over both
-ends of every slider, without cached results.
+The time to the first picture is taken in a fresh process; it includes interpreter, imports and
+page, but neither Voila nor a browser; see tools_latency.py. `update` and `figure` are the longest
+times to update and to draw, with every slider at both ends in turn and without cached results.
 """
 
 import subprocess
@@ -17,7 +17,7 @@ from shipnet.fields import Number, Whole, declared
 
 ROOT = Path(__file__).resolve().parents[1]
 EXPLORE = sorted((ROOT / "notebooks" / "explore").glob("*.ipynb"))
-#: Class of each tool, by the name that its module and its notebook have.
+#: Class of each tool, by the name of its module and notebook.
 TOOLS = {
     kind.__module__.rpartition(".")[2]: kind
     for kind in (getattr(tools, name) for name in dir(tools))

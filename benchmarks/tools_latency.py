@@ -1,10 +1,11 @@
-"""How long a tool's page takes in a browser to show its first picture and a new one after a key.
+"""How long the page of a tool takes in a browser to show its first picture, and later pictures.
 
-After a click on a card, the page shows the picture stored in the notebook, then the tool's own,
-from a kernel that was ready before the click, that the click starts, or that the click starts right
-after the server. A key press on the first slider that changes the picture, or on the first button,
-brings a new picture. The CPU time of browser, server and kernel is printed too, because it depends
-little on how busy the machine is.
+After a click on a card, the page shows the picture stored in the notebook, then the tool's own
+picture. Three cases are measured: the tool's kernel is ready before the click; the click starts the
+kernel; and the click comes right after the start of the server. Keys are then pressed on the first
+slider that changes the picture, or on the first button if no slider does, and the time from key
+press to new picture is measured. The CPU time of browser, server and kernel is printed too, because
+it depends little on how busy the machine is.
 """
 
 import shutil
@@ -26,7 +27,7 @@ from tests.browser.conftest import ARGUMENTS, BROWSERS, served
 EXPLORE = app.ROOT / "notebooks" / "explore"
 TOOLS = sorted(path.stem for path in EXPLORE.glob("*.ipynb"))
 STORED, LIVE = ".shipnet-stored img", "img.shipnet-picture"
-# Voila logs this for each kernel that it keeps ready.
+# Text that Voila logs for each kernel that it keeps ready.
 FILLED = "is filled with"
 CHANGES = 9
 LONG = 120_000

@@ -29,7 +29,7 @@ _SHOWN = 400e-6
 
 
 def number(text: str) -> float:
-    """Return the number in a text that may end in an SI prefix, such as 125k or 100n."""
+    """Return the number in text that may end in an SI prefix, such as 125k or 100n."""
     power = {"M": 6, "k": 3, "m": -3, "u": -6, "n": -9}.get(text[-1:])
     return float(text if power is None else f"{text[:-1]}e{power}")
 
@@ -66,7 +66,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
 
 
 def _marked(transactions: pd.DataFrame) -> pd.DataFrame:
-    """Return transactions with 0b before their bits, so that no program reads bits as decimals."""
+    """Return transactions with 0b before their bits, so that no program reads them as decimals."""
     bits = transactions[["request", "response"]]
     return transactions.assign(**bits.where(bits == "", "0b" + bits))
 
@@ -131,7 +131,7 @@ def _decode(arguments: argparse.Namespace) -> Answer:
 def _answer(
     found: Any, numbers: Mapping[str, tuple[float, str]], text: str = "", **tables: pd.DataFrame
 ) -> Answer:
-    """Return an answer whose text has the verdict, or `text`, and the non-empty tables."""
+    """Return an answer; its text is `text`, by default the verdict, and the non-empty tables."""
     look: dict[str, Any] = {"index": False, "na_rep": "-", "max_rows": _ROWS}
     blocks = [
         f"{name.replace('_', ' ')}:\n"
@@ -426,7 +426,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(parsed)
     except BrokenPipeError:
-        # The reader of the output stopped; the interpreter must not report this at exit.
+        # The program that reads the output has ended; the interpreter must not report this.
         sys.stdout = None
     except KeyboardInterrupt:
         return 130

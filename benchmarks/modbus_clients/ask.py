@@ -82,7 +82,7 @@ def modbus_tk(kind, place, timeout):
 
 
 def mbpoll(kind, place, timeout):
-    """Start the program anew for each poll, because each run of it reads only one address."""
+    """Return a function that runs mbpoll once per poll, because a run reads only one address."""
     import termios
 
     where = ["-p", place, "127.0.0.1"] if kind == "tcp" else ["-b", "19200", "-P", "none", place]

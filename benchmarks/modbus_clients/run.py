@@ -1,10 +1,11 @@
-"""How third-party Modbus clients react to faults on the wire: data/modbus_clients.csv.
+"""How third-party Modbus clients react to faulty responses; writes data/modbus_clients.csv.
 
     make clients                      or  python benchmarks/modbus_clients/run.py [UV]
 
 Each client polls our server on this machine, and a quarter of the responses have one kind of fault.
-Each poll reads another address, so the response to another request has wrong values. Clients are
-installed under build/clients; one that cannot be installed is named, and its rows are kept.
+Each poll reads a different address, so the response to any other request contains wrong values.
+Clients are installed under build/clients; if a client cannot be installed, the program says so and
+keeps its rows of the table.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ ROOT = HERE.parents[1]
 TABLE = ROOT / "data" / "modbus_clients.csv"
 BUILD = ROOT / "build" / "clients"
 POLLS, TIMEOUT, SHARE, SEED = 40, 1.0, 0.25, 2024
-#: Durations of faults in time-outs: a late response comes half a time-out after the next poll.
+#: Durations of faults, as multiples of the time-out; a late response arrives during the next poll.
 SECONDS = {"late": 1.5, "delay": 0.2, "gap": 0.2}
 COLUMNS = (
     "client", "version", "defaults", "transport", "fault", "timeout_s", "polls", "right", "error",
@@ -120,7 +121,7 @@ def measure(
 def _outcomes(
     words: list[str], variables: dict[str, str], polls: int, patience: float
 ) -> Counter[str]:
-    """Run a client and judge its lines; it hangs if it prints nothing for `patience` seconds."""
+    """Run a client and judge its lines; no line for `patience` seconds counts as a hang."""
     found = Counter(dict.fromkeys(OUTCOMES, 0))
     with subprocess.Popen(
         words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
@@ -175,7 +176,7 @@ def _run(*words: str | Path, **options: object) -> str:
 
 
 def installed(name: str, kinds: tuple[str, ...], defaults: str) -> Client:
-    """Return a client that is in the test environment."""
+    """Return a client that is installed in the test environment."""
     command = [sys.executable, HERE / "ask.py", name]
     return Client(name, kinds, defaults, version(name), command, {})
 
@@ -217,7 +218,7 @@ def libmodbus(uv: str) -> Client:
 
 
 def mbpoll(uv: str) -> Client:
-    _run("mbpoll", "-V")  # fails if mbpoll is missing; the version that it prints is wrong
+    _run("mbpoll", "-V")  # fails if mbpoll is missing; it prints a wrong version
     release = _run("dpkg-query", "--show", "--showformat", "${Version}", "mbpoll").partition("+")[0]
     defaults = "time-out 1 s, no retries; started anew for each poll"
     return Client(
@@ -237,7 +238,7 @@ def go(uv: str) -> Client:
     return Client(name, BOTH, defaults, release, [folder / "ask"], {})
 
 
-#: Clients that are in the test environment, and those that must be installed.
+#: Clients that are installed in the test environment, and those that must be installed.
 OWN = {
     "pymodbus": (BOTH, "time-out 3 s, 3 retries"),
     "minimalmodbus": (("rtu",), "time-out 0.05 s, no retries"),
@@ -283,7 +284,7 @@ def main(uv: str = "uv") -> int:
             kept.append(name)
             print(f"skipped: {name}: {problem}", flush=True)
     jobs = [(c, kind, fault) for c in clients for kind in c.kinds for fault in faults(kind)]
-    with ThreadPoolExecutor(6) as pool:  # they mostly wait
+    with ThreadPoolExecutor(6) as pool:  # the threads mostly wait
         new: list[dict[str, object]] = list(pool.map(lambda job: rows(*job), jobs))
     if TABLE.exists():
         with TABLE.open(encoding="utf-8") as file:

@@ -39,7 +39,7 @@ class Range(NamedTuple):
 
     @classmethod
     def around(cls, nominal: float, status: str) -> Range:
-        """Return the range around a nominal value; `SPREAD` has its relative half-width."""
+        """Return the range around a nominal value, with the relative half-width from `SPREAD`."""
         return cls(nominal * (1 - SPREAD[status]), nominal, nominal * (1 + SPREAD[status]))
 
 
@@ -182,7 +182,7 @@ def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
     return drawn
 
 
-#: Spelling of parts of assumption names in sentences.
+#: Parts of assumption names that are spelled differently in sentences.
 _SPELT = {"asi": "AS-i", "can": "CAN", "modbus": "Modbus", "plc": "PLC"}
 
 

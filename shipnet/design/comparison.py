@@ -46,7 +46,7 @@ from shipnet.fields import check_choice, check_rng
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv
 
-#: Columns about the segments of buses; each shows the highest value of any segment.
+#: Columns on the segments of buses; each shows the highest value of all segments of a design.
 _BUS = ("bus_time", "capacity_used")
 
 #: Fraction by which given and computed lengths may differ without a remark; assumed.
@@ -264,7 +264,7 @@ class Comparison:
     def tornado(
         self, a: str | None = None, b: str | None = None, *, figure: str = "total_cost_eur"
     ) -> Tornado:
-        """Return the effect of each assumption on a figure of design `a` minus that of `b`.
+        """Return the effect of each assumption on the difference in a figure, design `a` minus `b`.
 
         By default, `b` is the first design with all points, and `a` the best of the others.
         """
@@ -337,7 +337,7 @@ class Comparison:
 
     @cached_property
     def _safe_points(self) -> list[str]:
-        """Sentences on the connection of intrinsically safe points, and the alternative's cost."""
+        """Sentences on how intrinsically safe points are connected, and the alternative's cost."""
         safe = (self.iolist.points["ex"] != "").to_numpy()
         buses = [name for name in OPTIONS[2:] if name in self.designs]
         said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
@@ -439,7 +439,7 @@ def compare(
     Raises
     ------
     ArgumentError
-        If there is no design, two have the same name, or they differ in a value that must be equal.
+        If there is no design, or if two designs have the same name or differ in a common value.
 
     Examples
     --------

@@ -403,13 +403,13 @@ def likely(sample: pd.DataFrame) -> pd.DataFrame:
     return table.assign(unit=units)
 
 
-# The effect of each assumption at its low and high value, with all others nominal ----------------
+# The effect of setting each assumption low and high, with all others nominal ---------------------
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class Tornado:
-    """Effect of each assumption on a figure, at its low and high value with all others nominal.
+    """Effect on a figure of setting each assumption low and high, with all others nominal.
 
     `Comparison.tornado` returns a tornado.
 
@@ -440,7 +440,7 @@ class Tornado:
     every: pd.DataFrame
 
     def table(self) -> pd.DataFrame:
-        """Return one row per assumption: the figure at its low and high value, and the swing."""
+        """Return, per assumption, the figure with the assumption low and high, and the swing."""
         return self.every.copy()
 
     def plot(self, ax: Axes | None = None, *, rows: int = 8) -> Axes:
@@ -500,7 +500,7 @@ class Tornado:
 
 
 def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> Tornado:
-    """Vary one assumption at a time; compare the first design with the best (lowest) other one."""
+    """Vary one assumption at a time; compare the first design with the lowest other design."""
     check_choice("figure", figure, FIGURES)
     models = {name: Model(design) for name, design in designs.items()}
     nominal = {name: float(model.figures()[figure]) for name, model in models.items()}

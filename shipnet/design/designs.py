@@ -52,7 +52,7 @@ class Design(Layout):
     segments : pandas.DataFrame
         One row per line or loop: segment, bus, points, devices, length_m, bus_time and
         capacity_used as in `Utilisation`, response_ms and slowest_update_ms of the point nearest
-        to its limit, and columns that only one bus has.
+        to its limit, and columns that exist for one bus only.
     reasons : pandas.DataFrame
         One row per item that does not fit: subject, limit, value, bound, unit, text.
     settings : Settings, optional

@@ -28,7 +28,7 @@ from shipnet.signals import SIGNALS
 
 # Clusters of places: within reach, of equal size, or within limits -----------------------------
 
-#: Maximum number of places clustered at once; more distances need too much memory.
+#: Maximum number of places clustered at once; the distances of more need too much memory.
 _MOST = 3000
 
 #: Maximum number of items divided into equal groups at once; more would take too long.
@@ -42,7 +42,7 @@ Result = TypeVar("Result")
 
 
 def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
-    """Return the cluster of each place (n, 3): at most `most` places, no two over `reach` apart."""
+    """Return the cluster of each place (n, 3): up to `most` places, none over `reach` apart."""
     return _zones(np.asarray(xyz, float).tobytes(), reach, most).copy()
 
 
@@ -58,7 +58,7 @@ def _zones(places: bytes, reach: float, most: int) -> Indices:
     if len(xyz) < 2:
         return np.zeros(len(xyz), dtype=np.intp)
     tree = linkage(xyz, "complete", "cityblock")
-    # No excess shrinks towards the root, so the tree is cut where the first excess appears.
+    # Towards the root the excess never shrinks, so the tree is cut where it first exceeds zero.
     excess = np.maximum(tree[:, 2] - reach, (tree[:, 3] > most).astype(float))
     return _renumbered(fcluster(tree, 1e-9, "monocrit", monocrit=excess).astype(np.intp))
 
@@ -348,7 +348,7 @@ class Draft:
         )  # fmt: skip
 
     def too_slow(self, row: int, least: float, words: str) -> None:
-        """Record that a point needs updates faster than `least` [s], the shortest possible time."""
+        """Record that a point needs an update time below `least` [s], the shortest possible."""
         tag, wanted = self.tags[row], 1e3 * float(self.need[row])
         text = f"{tag} needs an update every {wanted:g} ms; {words} {1e3 * least:.3g} ms"
         self.reason(tag, "update", 1e3 * least, wanted, "ms", text)
@@ -432,11 +432,11 @@ class Box(NamedTuple):
     lengths: Floats
 
     def part(self, chosen: Indices) -> Box:
-        """Return the same box with some of its points, given by their indices in `rows`."""
+        """Return the box with only some of its points, given by their indices in `rows`."""
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
     def halved(self, need: Floats) -> list[Box]:
-        """Return two boxes here, one with the more urgent points, or none for a single point."""
+        """Return two boxes, one with the more urgent points; none if the box has a single point."""
         if len(self.rows) < 2:
             return []
         order = np.argsort(need[self.rows], kind="stable")

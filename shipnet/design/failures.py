@@ -86,7 +86,7 @@ class Reach:
 
     @cached_property
     def alone(self) -> dict[int, int]:
-        """Points that work over one cable only, by the index of its run."""
+        """Points that work over a single cable only, by the index of the cable's run."""
         point, _, run = self._wires
         good = self._good(*self._masks(), self._needs_supply)[0]
         only = np.bincount(point[good], minlength=len(self._connected)) == 1
@@ -96,8 +96,8 @@ class Reach:
     def lost(self, failures: Sequence[Failure]) -> list[Integers]:
         """Return the indices of the points lost by each failure.
 
-        A failure has no effect outside its area. Therefore one failure per area is examined at the
-        same time, and the area of a lost point shows which failure caused the loss.
+        A failure has no effect outside its area. Therefore failures in different areas are examined
+        at the same time, and the area of a lost point shows which failure caused the loss.
         """
         of_item, of_point = self._areas
         size, n_points, connected = len(self.kinds), len(of_point), self._connected
@@ -208,7 +208,7 @@ class Reach:
         end = np.where((self.kinds == "repeater")[b], a, b)
         trunk = self._asi & (self.design.cables["kind"] == "trunk").to_numpy()
         along = np.append(np.where(trunk, end, -1), -1)[run]
-        # A repeater beside its master is on the same line without a cable to it.
+        # A repeater beside its master is on the same line, with no cable between the two.
         inside, at = u % len(self.kinds), v % len(self.kinds)
         master = (self.kinds == "master") & self._of_asi(self.design.devices["segment"])
         beside = (run < 0) & (self.kinds == "repeater")[inside] & master[at]
@@ -251,7 +251,7 @@ class Reach:
 
     @cached_property
     def _joints(self) -> Integers:
-        """Pairs of a device in a housing and the device there that it is connected to, (n, 2)."""
+        """Device in a housing, and the housing or master to which it connects, shape (n, 2)."""
         segment = self.design.devices["segment"].to_numpy(str)
         master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
         joints = self._housings.copy()
@@ -438,7 +438,7 @@ def lost(
 
 
 def worst(failures: pd.DataFrame) -> pd.DataFrame:
-    """Return the failure of each kind that loses the most points, except the cabinet's."""
+    """Return the failure of each kind with the most points lost, not counting the cabinet."""
     rest = failures[failures["kind"] != "cabinet"]
     ranked = rest.sort_values("points_lost", ascending=False, kind="stable")
     return ranked.drop_duplicates("failure").reset_index(drop=True)

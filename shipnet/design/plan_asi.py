@@ -49,7 +49,7 @@ from shipnet.line.network import CableRun
 _ANALOGUE = "S-7.3"
 
 #: Profiles of digital modules, by whether they have outputs and whether they may share an address.
-#: An A/B slave needs two requests for four outputs, because one bit of four selects A or B.
+#: An A/B slave needs two requests for four outputs, because one of the four bits selects A or B.
 _DIGITAL = {
     (False, False): "S-0.F",
     (True, False): "S-7.F",
@@ -138,7 +138,7 @@ def _extended(profile: str) -> bool:
 
 
 def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> Indices:
-    """Return how many points of its kind a point's module may have; 0 if even one is too slow."""
+    """Return how many points each point's module may have; 0 if it is too slow even alone."""
     limits, need = draft.settings.asi, draft.need[rows]
     channels, least = np.zeros(len(rows), dtype=np.intp), np.empty(len(rows))
     for output, kind, most in ((False, "DI", limits.inputs), (True, "DO", limits.outputs)):

@@ -82,7 +82,7 @@ def pack(types: Sequence[str], times: Floats) -> list[Packed]:
     for way in (False, True):
         for time in np.unique(times[output == way]):
             rows = np.flatnonzero((output == way) & (times == time))
-            # Values fill whole frames, so that no value is split; states follow in the last frame.
+            # Values come first, four per frame, so that none is split between frames; then states.
             first, size = packed(analogue[rows], ANALOGUE_BITS)
             frame, bit = np.divmod(first, FRAME_BITS)
             for number in range(-(-8 * size // FRAME_BITS)):
@@ -314,7 +314,7 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
         in_time = bool((scan + np.array(longest) <= needs).all())
         if in_time:
             break
-    # A higher bit rate would not help, because its sections are not longer.
+    # A higher bit rate would not help, because it does not allow longer sections.
     length = _longest_section(limits, rate)
     repeaters = sections(trunk.hops.tolist(), length=length, unit_loads=limits.unit_loads)
     fits = in_time and repeaters is not None and len(repeaters) <= limits.repeaters

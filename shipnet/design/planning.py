@@ -62,7 +62,7 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
     each = (draft.wires[box.rows] + 1) // 2
     number = max(1, ceil(needed(int(each.sum())) / largest))
     while True:
-        # Divide where the sum of pairs exceeds an equal part.
+        # Start a new part where the sum of pairs passes a multiple of an equal share.
         share = np.cumsum(each) - each / 2
         part = np.minimum((share * number / each.sum()).astype(np.intp), number - 1)
         parts = [box.rows[part == own] for own in range(number) if (part == own).any()]
@@ -107,8 +107,8 @@ def plan(
 ) -> Design:
     """Connect the points of a list by one option, except those for which `mix` names another.
 
-    If a response is longer than `rules` allow, the points are planned again within that limit,
-    except those that would then fit nowhere.
+    If a response is longer than `rules` allow, the points are planned again within that limit;
+    points that would then fit nowhere are exempt from it.
     """
     choose = mix or {}
     check_choice("option", option, OPTIONS)

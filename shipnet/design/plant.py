@@ -107,7 +107,7 @@ class Plant:
         return Saving(conductors_at_cabinet(self.hardwired), conductors_at_cabinet(self.on_asi))
 
     def cost_saving(self, *, rng: Rng = None, draws: int = 10_000) -> pd.DataFrame:
-        """Return the fraction of the wiring cost that AS-i saves, for each meaning of that cost."""
+        """Return the fraction of the wiring cost that AS-i saves, for each meaning of the term."""
         options = {"hardwired": self.hardwired, "AS-i": self.on_asi}
         sample = draw(options, rng=rng, draws=draws)
         nominal = {name: quantities(one).table()["nominal"] for name, one in options.items()}

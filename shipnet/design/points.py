@@ -50,7 +50,7 @@ _MARK = r"\W*(?:deleted?|cancell?ed|void|not used|spare|삭제|예비)"
 _MARKED = re.compile(rf"{_MARK}\W*", re.IGNORECASE)
 _MARKED_TAG = re.compile(rf"{_MARK}\b.*", re.IGNORECASE)
 
-#: Start of a text that a spreadsheet would read as a formula if there were no apostrophe.
+#: Start of text that a spreadsheet would read as a formula if there were no apostrophe.
 _FORMULA = re.compile(r"'+[=+\-@]")
 
 
@@ -153,7 +153,7 @@ class Cells:
         """Return the rows that are points, and add remarks on the other rows."""
         points, left = [], dict[str, list[int]]()
         heads = [{cell for cell in titles if cell} for titles in self._repeated]
-        # Few rows contain a title, or a mark of a point that will not be built.
+        # Only few rows contain a title or mark a point that will not be built; examine only these.
         words = set(chain.from_iterable(cells for _, cells in rows))
         marked = set(filter(_MARKED.fullmatch, words))
         suspect = marked.union(*heads)
@@ -209,7 +209,7 @@ class Cells:
         width = len(self.titles)
         beside = [row for row, (_, cells) in enumerate(rows) if any(cells[width:])]
         if self.sheet.separator:
-            # The row is shifted, or a number contains a comma.
+            # Either the row is shifted, or a number contains a comma.
             for row in beside:
                 self.fault(row, "", f" has {len(rows[row][1])} cells; expected {width}")
         elif beside:
@@ -239,7 +239,7 @@ class Cells:
         return self._columns[place] if place < len(self._columns) else [""] * len(self.rows)
 
     def given(self, name: str) -> Bools:
-        """Return a mask of the cells of a column that are filled."""
+        """Return a mask of the filled cells of a column."""
         return np.fromiter(map(bool, self[name]), bool, len(self.rows))
 
     def title(self, name: str) -> str:
@@ -270,7 +270,7 @@ class Cells:
             self.remarks.append(Remark(what, numbers, doubt=True))
 
     def odd(self, row: int, name: str) -> str:
-        """Return a description of a cell that is neither text nor a number, else ""."""
+        """Return a description of a cell that is neither text nor a number, otherwise ""."""
         places = self.places.get(name, [-1])
         return self.sheet.odd.get((self.rows[row], places[0]), "")
 
@@ -300,7 +300,7 @@ def _holds_number(cell: str) -> bool:
 
 
 def clean(cell: str) -> str:
-    """Return the text of a cell on one line, without an apostrophe before a formula."""
+    """Return the text of a cell as one line, without the apostrophe that precedes a formula."""
     # The space is the only printable whitespace character.
     text = cell if cell.isprintable() and "  " not in cell else " ".join(cell.split())
     return text[1:] if text[:1] == "'" and _FORMULA.match(text) else text
@@ -316,14 +316,14 @@ def _cleaned(cells: Sequence[str]) -> list[str]:
     return [known[cell] for cell in cells]
 
 
-# The numbers of an I/O list: positions of points and boxes, lengths of cables, update times ------
+# Numeric columns of an I/O list: positions of points and boxes, lengths of cables, update times --
 
 #: Amount by which rounding may make a cable shorter than the straight distance [m].
 ROUNDED = 0.2
 
 
 def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, Floats]:
-    """Return the numbers of an I/O list, and record all faults in them."""
+    """Return the values of all numeric columns, and record all faults in them."""
     mark = decimal_mark(set().union(*(cells[name] for name in RANGES)))
     if mark == ",":
         cells.remarks.append(Remark("numbers have a decimal comma", detail=True))
@@ -375,7 +375,7 @@ def _place_by_frames(cells: Cells, numbers: dict[str, Floats]) -> None:
 
 
 def _check_partly(cells: Cells, names: Sequence[str]) -> Bools:
-    """Check that each point has all coordinates or none, and return a mask of the given ones."""
+    """Check that each point has all coordinates or none; return a mask of those given."""
     have = np.column_stack([cells.given(name) for name in names])
     for row in np.flatnonzero(have.any(axis=1) & ~have.all(axis=1)).tolist():
         missing = [name for name, one in zip(names, have[row], strict=True) if not one]
@@ -624,7 +624,7 @@ class PointTable:
         return tuple(str(note) for note in self.notes if not note.detail)
 
     def reading(self) -> pd.DataFrame:
-        """Return a table of the remarks on how the list was read, with the rows and any doubt."""
+        """Return a table of the remarks on how the list was read: what, count, rows, doubt."""
         rows = []
         for note in self.notes:
             which = listed(note.rows, None)[1:].lstrip() if note.rows else ""

@@ -311,7 +311,7 @@ def _side_by_side(compared: pd.DataFrame) -> str:
     return table(
         ["", *map(str, shown.index)], rows, numbers=range(1, len(shown) + 1),
         caption="The designs side by side. Pareto-optimal: the design connects every point, and no "
-        f"other is as good in {WEIGHED}, and better in one of them.",
+        f"other is at least as good in {WEIGHED}, and better in one of them.",
     )  # fmt: skip
 
 

@@ -41,7 +41,7 @@ from shipnet.tables import NUMBER, Sheet, frame_sheet, in_order, read_sheet, tit
 
 # Measures of a planned design that a rule may limit ---------------------------------------------
 
-#: Open international standard or public specification of each bus that has one, and its CRC.
+#: Open international standard or public specification of each bus that has one, and the CRC.
 STANDARDS: Mapping[str, tuple[str, Crc | None]] = {**DATA_LINKS, "AS-i": ("IEC 62026-2", None)}
 
 #: Longest update time of a fast point [ms]: the shortest time in class rules, 0.1 s in
@@ -226,7 +226,7 @@ def _change_over(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         return lost
     if lost.computed:
         return Outcome(float("inf"), lost.subject, "has no second supply in parallel")
-    return Outcome(0.0, "", "two supplies feed in parallel, so none has to take over")
+    return Outcome(0.0, "", "two supplies feed in parallel, so neither has to take over")
 
 
 def _buses(facts: Facts) -> list[str]:
@@ -305,7 +305,7 @@ def _spur_current(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 
 def _runs(kind: str, total: bool, ohms: bool = False) -> _Compute:
-    """Return the function for a kind of cable: maximum length, or total per segment and line."""
+    """Return the function that finds a cable kind's longest run, or largest total on a line."""
 
     def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         runs, known = facts.design.cables, cables()
@@ -388,9 +388,9 @@ MEASURES: Mapping[str, Measure] = {
         _lost(("device",), None, "no device except the cabinet"),
     ),
     "systems on one link": Measure(
-        "systems", "systems that the worst failure of a link affects", _systems
+        "systems", "systems affected by the worst failure of a link", _systems
     ),
-    "lines of a link": Measure("lines", "fewest lines of a link", _lines),
+    "lines of a link": Measure("lines", "smallest number of lines of a link", _lines),
     "links without a standard": Measure("links", "buses without an open standard", _standard),
     "bit errors unseen": Measure(
         "patterns", "patterns of one or two wrong bits that a CRC misses", _unseen
@@ -408,7 +408,7 @@ MEASURES: Mapping[str, Measure] = {
         _fed(lambda t: t["source_v"] - t["voltage_v"]),
     ),
     "voltage above nominal": Measure(
-        "%", "largest excess over 24 V of a supply of stations or outputs", _supply_voltage
+        "%", "largest excess over 24 V of any supply for stations or outputs", _supply_voltage
     ),
     "supply load": Measure(
         "%", "largest current of a supply, as a percentage of its rating", _supply_load
@@ -430,7 +430,7 @@ MEASURES: Mapping[str, Measure] = {
         "%", "resistance of a CAN trunk's conductor, as a percentage of the value for its length",
         _resistance_by_length,
     ),
-    "devices of a segment": Measure("devices", "largest number, including the master", _nodes),
+    "devices of a segment": Measure("devices", "most on a segment, including the master", _nodes),
     "load units": Measure("units", "units of 50 mA that one supply feeds", _units),
     "load units of a device": Measure(
         "units", "units of 50 mA that one device draws",
@@ -640,7 +640,7 @@ def longest_responses(rules: Iterable[Rule], points: pd.DataFrame, host_time: fl
     longest = np.full(len(points), np.inf)
     for rule in rules:
         if rule.measure == "response" and rule.bound != "at least":
-            # Reduced slightly, so that rounding errors do not decide.
+            # Reduced slightly, so that a rounding error cannot decide the verdict.
             limit = (rule.limit - rule.host * host_time) * (1 - 1e-9)
             mine = APPLIES[rule.applies](points).to_numpy(bool)
             longest[mine] = np.minimum(longest[mine], limit)
@@ -684,7 +684,7 @@ def _outcome(rule: Rule, facts: Facts) -> Outcome:
     out = int((concerned & facts.left_out).sum())
     if not out or outcome.partial or rule.measure == LEFT_OUT:
         return outcome
-    # An unconnected point is neither late nor lost, so a pass would not cover it.
+    # An unconnected point is neither late nor lost, so the value does not cover it.
     said = f"{out} point{'s' if out > 1 else ''} left out"
     why = f"{outcome.why}; {said}" if outcome.why else said
     return outcome._replace(why=why, partial=True)

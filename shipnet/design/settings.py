@@ -184,7 +184,7 @@ class ModbusLimits:
     )
     length: float = number(
         1, 10e3, "m", "Longest cable between the ends or repeaters: EIA-485, 4000 ft up to 100 "
-        "kbit/s, inversely proportional to the bit rate above", default=_RS485.length,
+        "kbit/s; above that, inversely proportional to the bit rate", default=_RS485.length,
     )  # fmt: skip
     unit_loads: int = whole(
         2, 256, help="Devices between the ends or repeaters, including the master: EIA-485",
@@ -195,7 +195,7 @@ class ModbusLimits:
     processing: float = number(0, 60, "s", "Processing time of a station; assumed", default=0.005)
     timeout: float = number(
         0.001, 60, "s", "Time-out beyond the longest response, after which the master uses the "
-        "second line; the guide gives 1 s to several seconds", default=1.0,
+        'second line; "MODBUS over serial line" gives 1 s to several seconds', default=1.0,
     )  # fmt: skip
     character: str = choice(
         CHARACTERS, "Data bits, parity and stop bits of a character", default="8E1"
@@ -300,14 +300,14 @@ _COMMA = re.compile(r"^[\w. \t]+=[ \t]*([0-9]+,[0-9]+)[ \t]*(?:#.*)?$", re.MULTI
 #: grows with the square of each.
 _LARGEST, _DEEPEST = 1_000_000, 8
 
-#: Strings and comments, brackets, and a key of many parts.
+#: Patterns for strings and comments, for brackets, and for a key with too many parts.
 _QUOTED = re.compile(r""""[^"\n]*"|'[^'\n]*'|#[^\n]*""")
 _BRACKET = re.compile(r"[\[{]|[\]}]")
 _LONG_KEY = re.compile(rf"(?<![\w\"-])(?:[\w\"-]+[ \t]*\.[ \t]*){{{_DEEPEST}}}")
 
 
 def _check_size(text: str, source: str) -> None:
-    """Raise InputError for a text that is too long or too deeply nested to be read quickly."""
+    """Raise InputError if text is too long or too deeply nested to be read quickly."""
     if len(text) > _LARGEST:
         raise InputError(
             source, f"has {len(text)} characters; a file of settings may have {_LARGEST}"

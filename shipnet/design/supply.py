@@ -75,7 +75,7 @@ class Forest:
         """
         flow, drop = self.load.copy(), np.zeros(len(self.load))
         for level in reversed(self.levels):
-            np.add.at(flow, self.parent[level], flow[level])  # fixed order: same bits
+            np.add.at(flow, self.parent[level], flow[level])  # in fixed order: reproducible
         along = flow + self.short if short else flow
         for level in self.levels:
             lost = self.metres[level] * self.ohms[level] * along[level]
@@ -136,7 +136,7 @@ def forest(design: Layout) -> Forest:
     u, v = layer * count + a, np.where(towards, _LINE_B, layer) * count + b
     nodes = _LAYERS * count
 
-    # A device in the cabinet is beside its segment's master, and any other beside its housing.
+    # A device in the cabinet is beside its segment's master; any other is beside its housing.
     segments = devices["segment"].tolist()
     master = {segments[number]: number for number in np.flatnonzero(kinds == "master").tolist()}
     beside = [
@@ -258,7 +258,7 @@ class Feeders(NamedTuple):
 
     #: Cable of each feeder, by the number of its run.
     cable: Mapping[int, str]
-    #: Former supply of each run that is replaced by a supply beside the device at its far end.
+    #: Former supply of each run that is replaced by a supply beside the device at the run's end.
     own: Mapping[int, int]
     #: Supplies that no longer feed a device.
     idle: Collection[int]
@@ -358,7 +358,7 @@ def _cuts(
 ) -> list[int]:
     """Return the smallest set of nodes that need a supply of their own with a given cable.
 
-    Starting at the leaves, a branch stays on its parent if one supply there can serve both.
+    From the leaves up, a branch stays on its parent node if one supply can feed both.
     """
     parent, short = trees.parent.tolist(), trees.short.tolist()
     metres, allowed = trees.metres.tolist(), trees.allowed.tolist()
@@ -383,7 +383,7 @@ def _cuts(
 
 
 def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return a table with one row per supply, and one with a row per fed device and line."""
+    """Return a table with one row per supply, and one with one row per fed device and line."""
     trees, devices, runs = forest(design), design.devices, design.cables
     (flow, drop), (_, shorted) = trees.solve(), trees.solve(short=True)
     line = devices["segment"].isin(design.segments.query("bus == 'AS-i'")["segment"])

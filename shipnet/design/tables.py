@@ -129,7 +129,7 @@ def terminals(design: Layout) -> pd.DataFrame:
     of_point = runs["kind"].isin(_TO_POINT)
     carries = runs["b"].where(of_point, runs["segment"]).to_numpy(object)[row]
     wire = np.array(list(_wires(design)), dtype=object)
-    # Ends that share a terminal have the same key; every other end has its own.
+    # Ends that share a terminal have the same key; every other end has its own key.
     near, far = np.arange(2 * len(row)).reshape(2, -1)
     for trunk, joints in _boxed(design):
         used[first[trunk] : first[trunk] + size[trunk]] = False

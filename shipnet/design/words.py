@@ -123,7 +123,7 @@ def is_frame(cell: str) -> bool:
 
 
 def _offset(text: str) -> tuple[str, float]:
-    """Return the frame or deck in a text, and the offset [m], which the text gives in mm or m."""
+    """Return the frame or deck named in text, and the offset [m], given there in mm or m."""
     text = text.strip()
     found = re.fullmatch(r"(.*[^\s+-])\s*([+-]\s*[0-9]+(?:\.[0-9]+)?)\s*(mm|m)?", text)
     if found is None or _frame(text) is not None:
@@ -217,7 +217,7 @@ def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | Non
     for split in (own_letters, re.split(r"[/|()\[\]]", bare)):
         parts = [part for part in split if plain(part)]
         each = [_column(part + mark) for part in parts]
-        # A part may be unknown only if it has a letter outside ASCII.
+        # A part of a title may be unknown only if it has a letter outside ASCII.
         foreign = all(found or not part.isascii() for part, found in zip(parts, each, strict=True))
         names = {found for found in each if found is not None}
         if names == {Column("type"), Column("signal")}:  # a column of types may contain signals

@@ -56,9 +56,9 @@ Draw = Callable[[int, Axes], object]
 class Page(widgets.VBox):  # type: ignore[misc]
     """The page of a tool: controls, verdict, figure, and a state that can be shared.
 
-    `see` returns the view for given inputs, by default the tool's own `_view`. `folds` maps titles
-    to the controls that are folded under them. Each example state in stories.toml has a button;
-    with `story`, the page opens on the first example.
+    `see` returns the view for given inputs; the default is the tool's own `_view`. `folds` maps
+    titles to the controls that are folded under them. Each example state in stories.toml has a
+    button; with `story`, the page opens on the first example.
     """
 
     def __init__(
@@ -173,7 +173,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         self._change(lambda: self._told(**values))
 
     def _told(self, press: Sequence[str] = (), **values: Any) -> Any:
-        """Return the inputs of a story, with its values or preset set and its buttons pressed."""
+        """Return the inputs of an example: values or preset are set, and buttons pressed."""
         if self._preset is not None and values:
             self._setters.put(type(self._preset.start)(**values))
             inputs = self._preset.make(self._setters.inputs, self._kind())
@@ -213,8 +213,8 @@ class Page(widgets.VBox):  # type: ignore[misc]
 
         def take(_: object) -> None:
             files = upload.value
-            # Empty the widget, so that a corrected file of the same name is a change. Do so before
-            # the page responds, because a file loaded at that moment would be lost.
+            # Empty the widget, so that loading a corrected file of the same name is a change, but
+            # do so before the page responds, because a file loaded at that moment would be lost.
             upload.value = ()
             for file in files:
                 name, content = file["name"], bytes(file["content"])

@@ -181,7 +181,7 @@ class Button:
 
 @dataclass(frozen=True)
 class Upload:
-    """A button to load a file; `take` makes new inputs from the old, the name and the content."""
+    """A button to load a file; `take` makes new inputs from the old ones and the file."""
 
     label: str
     help: str
@@ -191,7 +191,7 @@ class Upload:
 
 @dataclass(frozen=True)
 class Preset:
-    """Controls that set others; `make` makes new inputs from their record and the old inputs."""
+    """Controls that set others; `make` makes new inputs from their values and the old inputs."""
 
     start: Any
     make: Callable[[Any, Any], Any]

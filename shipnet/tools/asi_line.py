@@ -34,7 +34,7 @@ CABLE_CHOICES = MappingProxyType[str, str | Cable](
 STEP, BEFORE, AFTER = 250e-9, 6e-6, 28.8e-6
 
 #: Ratio of the standard deviations of white noise after and before the matched filter: the square
-#: root of 8/3 of the sampling interval in half-bits.
+#: root of 8/3 times the sampling interval, which is measured in half-bits.
 FILTERED = (8 / 3 * STEP / HALF_BIT) ** 0.5
 
 

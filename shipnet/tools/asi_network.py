@@ -99,7 +99,7 @@ class AsiNetwork(Tool):
     def _numbers(self) -> dict[str, str]:
         """Return the polling times and rates."""
         cycle = self.plan.cycle
-        # A slave is polled at most twice in a cycle; the second poll counts in the worst case.
+        # With errors, a slave is polled up to twice per cycle; the worst case includes both polls.
         response = cycle.response_time(repetitions=int(self.error_rate > 0))
         effect = independent_failures(self.error_rate, cycle).iloc[0]
         return {

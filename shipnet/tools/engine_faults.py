@@ -31,7 +31,7 @@ FAULTS: dict[str, EngineFault | None] = {"none": None} | {
     str(fault): fault for design in DESIGNS.values() for fault in design.single_faults(START)
 }
 
-#: Seed of phases and losses.
+#: Seed of the random phases and losses.
 _SEED = 2024
 
 

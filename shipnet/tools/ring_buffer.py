@@ -87,7 +87,7 @@ class ReceiveRing(Tool):
 
     @cached_property
     def result(self) -> Game:
-        """The ring after all actions, from an empty one."""
+        """The ring after all actions, which begin with an empty ring."""
         return Game(self)
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -145,7 +145,7 @@ class ShipDesign(Tool):
     mixed: str = choice(
         {name: name for name in ("none", *MIXES)}, default="none", label="a mix",
         help="One more option, which connects some points by one method and the others by another. "
-        "With few boxes and stations, a mix may cost more than either alone.",
+        "With few boxes and stations, a mix may cost more than either method alone.",
     )  # fmt: skip
     redundant: bool = switch(
         default=False, label="two lines", help="The trunks of CAN and Modbus are laid twice."
@@ -186,7 +186,7 @@ class ShipDesign(Tool):
         default="", most=20_000, rows=4,
         hint="[asi]\nlength = 200", label="other limits and prices",
         help="Lines of a settings file: bit rates, lengths, currents, load, prices, time in "
-        "the host. They override the controls. All are in settings.toml, at the foot of the page.",
+        "the host. They override the controls. All settings are in settings.toml, below.",
     )  # fmt: skip
     picture: str = choice(
         PICTURES, default="cost", label="figure",
@@ -320,7 +320,7 @@ def settings_from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDes
 
 @lru_cache(maxsize=8)
 def _points(text: str, name: str, update_ms: int, reading: Reading) -> IoList:
-    """Return the points in a text; unless `update_ms` is 0, it limits their update times."""
+    """Return the points in text; unless `update_ms` is 0, their update times are limited to it."""
     iolist = IoList.parse(text, name, reading=reading)
     if not update_ms:
         return iolist
@@ -347,7 +347,7 @@ def _planned(iolist: IoList, site: Site, settings: Settings, option: str, rules:
 
 
 def _prices(labour: float, parts: float) -> dict[str, Range]:
-    """Return the assumptions changed by a labour rate and by the price of bus parts."""
+    """Return the assumptions that a labour rate and a price factor of bus parts change."""
     assumed = Assumptions()
     times = {"labour_rate": labour / assumed["labour_rate"].nominal}
     times |= {
