@@ -60,7 +60,7 @@ def output_bits(*, profile: str) -> int:
 def same_answer(
     *, halves: tuple[Half | None, Half | None] = (None, "A"), asked: bool = False
 ) -> bool:
-    """Whether a standard and an A slave have equal responses, or if `asked` equal requests."""
+    """Whether a standard and an A slave have equal responses or, if `asked`, equal requests."""
     requests = [Request.data_exchange(21, 0x6, half) for half in halves]
     said = [request if asked else request.answer(0x6) for request in requests]
     return said[0].bits == said[1].bits
@@ -118,7 +118,7 @@ def silent_after_error(*, damaged: bool = True) -> bool:
 
 @check("icn2007-052", counter={"bits": Request(Call.READ_ID, 3).bits})
 def silent_to_others(*, bits: str = "") -> bool:
-    """Whether a synchronous slave ignores requests to others and unknown calls."""
+    """Whether a synchronous slave ignores requests to other slaves and unknown calls."""
     asked = [bits] if bits else [Request(Call.READ_ID, 4).bits, UNKNOWN]
     return all(answer_to(one) == "silence" for one in asked)
 
@@ -377,7 +377,7 @@ check("icn2007-004", counter={"length": 101.0})(
 
 @check("icn2007-048", counter={"supply": 0.0})
 def structures_are_allowed(*, supply: float = 50.0) -> bool:
-    """Whether all structures meet every rule, with the even line's supply at this place [m]."""
+    """Whether all structures meet every rule; on the even line, the supply is at this place [m]."""
     plans = {**allowed_plans(), "evenly": line(100, SLAVES, supply=supply)}
     return all(keeps_all_rules(plan) for plan in plans.values())
 
@@ -408,7 +408,7 @@ check("icn2007-056", counter={"supply": 90.0})(
 
 @check("icn2007-057", counter={"longest": 200.0})
 def robust_on_any_topology(*, longest: float = 100.0) -> bool:
-    """Whether all responses are read on the structures of section 4 and a line this long [m]."""
+    """Whether all responses are read on the structures of section 4 and on a line this long [m]."""
     plans = [*allowed_plans().values(), line(longest, [0.05 * longest, longest])]
     heard = [plan.waveform() for plan in plans]
     return all(bool((wave.receive().bits == wave.bits).all()) for wave in heard)

@@ -229,10 +229,10 @@ numeric("chung1998-047")(lambda *, items=ITEMS: as_printed(items).cascade().sile
 def deaths(
     changes: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30
 ) -> pd.DataFrame:
-    """Count how often each failure report follows `n` failures of SS, spread over a cycle.
+    """Count the failure reports after each of `n` failures of SS, spread evenly over a cycle.
 
-    Only RCS's report of SS is correct. There is one row per rule: `changes` maps its name to the
-    fields of `System` that it changes.
+    Only the report by RCS that SS has failed is correct. There is one row per rule: `changes` maps
+    the name of a rule to the fields of `System` that the rule changes.
     """
     pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))
     runs, rows = check_whole("n", n, 1, 1000), []

@@ -142,7 +142,7 @@ def break_table(
 
 
 def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -> pd.DataFrame:
-    """Send a valve to a position, read its status at these times, and return the messages."""
+    """Command a valve to a position, read its status at these times, and return the messages."""
     registers = RegisterMap()
     valve = valve_slaves(Plant())[1]
     write = Request.write_single_register(

@@ -168,7 +168,7 @@ _MARKS = ".o^sD"
 
 
 def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
-    """Draw a valve's true position, and what masters with different numbers of valves received."""
+    """Draw a valve's position, and those received by masters of different numbers of valves."""
     ax.plot(
         true.time, true.samples["VPos"][:, 0], color="0.6", linewidth=1, label="the valve itself"
     )

@@ -40,7 +40,7 @@ _TABLES = {
     "read": datasets.read("kim2014_table3_read_registers.csv"),
 }
 
-#: Printed texts of fields that have no number; the fields are 0 here.
+#: Printed texts of fields that contain no number; the fields are 0 here.
 _ZERO = ("0.0.0.0", "Position 0-100%", "see bits")
 
 

@@ -217,7 +217,7 @@ def table(item: str) -> pd.DataFrame:
 def differences(item: str) -> pd.DataFrame:
     """Return the cells of a table that differ from the printed ones, with claim and reason.
 
-    A row that only one of the two has is listed once, with an empty column name.
+    A row that is in only one of the two tables is listed once, with an empty column name.
     """
     theirs, ours = printed(item), table(item)
     found = []
@@ -442,11 +442,11 @@ numeric("kim2023-033")(lambda: Transaction().unanswered)
 @numeric("kim2023-034", slaves=31)
 @numeric("kim2023-035", slaves=62)
 def update_time(*, slaves: int) -> float:
-    """Duration of a cycle with one management request, all addresses in use [ms]."""
+    """Duration of a cycle with one management request if all addresses are in use [ms]."""
     return 1e3 * float(Cycle(slaves, inclusion=0).update_time())
 
 
-# Section 3.3: messages of more than four bits, and what they are too slow for.
+# Section 3.3: messages of more than four bits, and the processes that change too fast for them.
 
 #: Samples per period of a control loop's bandwidth; 10 to 30 are usual: K. J. Astrom,
 #: B. Wittenmark, "Computer-Controlled Systems", 3rd ed., 1997, section 2.9.
