@@ -89,7 +89,7 @@ def _most(limit: float, repetitions: int) -> int:
 
 
 def _fit(limit: float, exchanges: int, tail: int = 10, times: int = 1) -> int:
-    """Return how many slaves fit besides other exchanges, with `times` exchanges per slave."""
+    """Return how many slaves fit, with `times` exchanges each, besides `exchanges` others."""
     return int((limit / 6e-3 - tail) // (26 * times)) - exchanges
 
 

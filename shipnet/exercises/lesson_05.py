@@ -28,7 +28,7 @@ def _stop(ids: Sequence[str]) -> int:
 
 
 def _plain(ids: Sequence[str]) -> bool:
-    """Return whether the ids differ before any stuff bit, and at another bit if read backwards."""
+    """Return whether the ids differ before any stuff bit, and reversed ids give another answer."""
     last, winner = _stop(ids), f"{min(int(number, 16) for number in ids):011b}"
     early = [bit for number in ids for bit in Frame(int(number, 16)).stuff_positions if bit <= last]
     return not early and winner[::-1][:last] != winner[:last]

@@ -377,7 +377,7 @@ check("icn2007-004", counter={"length": 101.0})(
 
 @check("icn2007-048", counter={"supply": 0.0})
 def structures_are_allowed(*, supply: float = 50.0) -> bool:
-    """Whether all structures meet every rule; on the even line, the supply is at this place [m]."""
+    """Whether all structures meet every rule; the evenly spaced line is fed at `supply` [m]."""
     plans = {**allowed_plans(), "evenly": line(100, SLAVES, supply=supply)}
     return all(keeps_all_rules(plan) for plan in plans.values())
 

@@ -229,7 +229,7 @@ numeric("chung1998-047")(lambda *, items=ITEMS: as_printed(items).cascade().sile
 def deaths(
     changes: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30
 ) -> pd.DataFrame:
-    """Count the failure reports after each of `n` failures of SS, spread evenly over a cycle.
+    """Count how many of `n` failures of SS, spread over a cycle, lead to each failure report.
 
     Only the report by RCS that SS has failed is correct. There is one row per rule: `changes` maps
     the name of a rule to the fields of `System` that the rule changes.
@@ -329,7 +329,7 @@ def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
 
 @check("chung1998-070", counter={"per_packet": 1})
 def one_error_costs_much(*, per_packet: int = 40) -> bool:
-    """Whether a wrong end flag costs over half of 40 data items, with `per_packet` per packet."""
+    """Whether a wrong end flag costs over half of 40 data items, `per_packet` in each packet."""
     data = dict.fromkeys(range(40), 1)
     form = MarkerFormat(n_numbers=40)
     parts = [dict(list(data.items())[k : k + per_packet]) for k in range(0, 40, per_packet)]

@@ -315,7 +315,7 @@ def broken_loops(
 
 
 def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
-    """Return each picture's greatest age of a position, unanswered requests and wrong valves."""
+    """Return, per picture, the oldest position, the unanswered requests and the wrong valves."""
     rows = {
         name: {
             "oldest_s": picture.seen.oldest,

@@ -150,7 +150,7 @@ def _testbed(*, ax: Axes) -> Axes:
 
 
 def _valve(ax: Axes, place: tuple[float, float], drive: str) -> None:
-    """Draw the two triangles of a valve, with its own drive above if it has one."""
+    """Draw the two triangles of a valve, with its own drive, if any, above them."""
     x, y = place
     for side in (-1, 1):
         ax.fill(

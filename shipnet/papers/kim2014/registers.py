@@ -65,7 +65,7 @@ STANDARD = {
 
 
 def message_table() -> pd.DataFrame:
-    """Return the printed messages beside the standard's, and a standard decoder's verdict.
+    """Return the printed and the standard messages, with the verdict of a standard decoder.
 
     The lengths are those in the MBAP header.
     """

@@ -249,8 +249,8 @@ def slaves_per_master(*, halves: tuple[Half | None, ...]) -> int:
     )
 
 
-# 300 m with four digital inputs per module. The printed number for the submarine follows from one
-# contact per slave.
+# The 300 m example has modules with four digital inputs. For the submarine, one contact per slave
+# gives the printed number of strands.
 
 
 @numeric("kim2023-002", slaves=62, inputs=4)

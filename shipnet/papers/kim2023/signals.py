@@ -66,7 +66,7 @@ def rising_current(*, sign: int = -1) -> bool:
 
 # Section 3.4: the receiver's tolerances, and the effect of an open cable.
 
-#: Sampling interval of the trains [s].
+#: Sampling interval of the pulse trains [s].
 STEP = 250e-9
 
 

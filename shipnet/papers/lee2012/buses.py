@@ -201,7 +201,7 @@ def request_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
 
 @numeric("lee2012-034")
 def response_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
-    """Duration of a response with this many registers on the line [ms]."""
+    """Duration on the line of a response with this many registers [ms]."""
     return 1e3 * _serial(rate).frame_time(len(answer(registers).rtu(JB1)))
 
 
