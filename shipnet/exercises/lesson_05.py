@@ -86,7 +86,7 @@ def stuffed() -> Solution:
             lambda bits: _stuffed(bits, counted=0)
         ),
         "four equal bits are allowed; are five?": lambda bits: _stuffed(bits, after=4),
-        "after six equal bits it is too late": lambda bits: _stuffed(bits, after=6),
+        "a stuff bit after six equal bits comes too late": lambda bits: _stuffed(bits, after=6),
         "a stuff bit may start a run of five, which `replace` does not detect": (
             lambda bits: bits.replace("00000", "000001").replace("11111", "111110")
         ),

@@ -225,7 +225,7 @@ check("icn2007-031", counter={"closed": False})(
 def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -> float:
     """Return the voltage drop to a load of 1 A on a line or a ring [V].
 
-    A ``closed`` cable returns to the supply. It has two cores of 1.5 mm2; lengths are in m.
+    A ``closed`` cable returns to the supply. Cables have two cores of 1.5 mm2; lengths are in m.
     """
     (segment,) = (ring if closed else line)(length, [place], current=1.0).segments
     voltage = segment.voltages
@@ -236,7 +236,7 @@ def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -
 def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
     """Whether the voltage of every response sums to under 1 % of the sum of its absolute values.
 
-    The supply's inductor causes this; the counter-example has a resistor instead.
+    The sum is small because of the supply's inductor; the counter-example has a resistor instead.
     """
     plan = line(100, slaves=(5, 50, 100))
     network = plan.network
@@ -249,7 +249,7 @@ def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
 
 @check("icn2007-032", counter={"length": 200.0})
 def dense_pulses_change_more(*, length: float = 100.0) -> bool:
-    """Whether an open end changes pulses that are 3 us apart more than those 6 us apart."""
+    """Whether an open end changes pulses that are 3 us apart more than pulses 6 us apart."""
     change = [
         abs(pulse_height(length, bits) / pulse_height(length, bits, terminator=100.0) - 1)
         for bits in ("0" * 16, "01" * 8)

@@ -363,7 +363,7 @@ def moves(*, target: str = "9") -> bool:
 
 @check("kim2023-097", counter={"labels": ("1A", "1A")})
 def codes_tell_apart(*, labels: tuple[str, str] = ("1A", "1B")) -> bool:
-    """Whether two slaves of one kind and address number have different ID codes 1."""
+    """Whether two slaves of the same kind and address number have different ID codes 1."""
     slaves = [Slave(label, id1=k) for label, k in zip(labels, (1, 2), strict=True)]
     asked = [(0.05, ReadCodes(label)) for label in sorted(set(labels))]
     run = simulate(slaves, until=0.2, commands=asked)
