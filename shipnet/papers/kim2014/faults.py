@@ -299,7 +299,7 @@ def age_table(
 def broken_loops(
     n_valves: int = 247, *, opened: int = 100, start: float = 12.0, duration: float = 60.0
 ) -> dict[str, Picture]:
-    """Break a loop at 9600 bit/s in its middle while valves open, with four kinds of master."""
+    """Break a loop at 9600 bit/s in the middle while valves open, for four kinds of master."""
     orders = [Command("open", 3.0, valves=range(1, opened + 1))]
     unbroken: list[Break] = []
     cases = {"no break": (System(n_valves, status_poll(9600)), unbroken)}

@@ -328,7 +328,7 @@ def code_table() -> pd.DataFrame:
 def survival_table() -> pd.DataFrame:
     """Return how the values of the paper's fault tests arrive at the master.
 
-    A value ``survives`` if it arrives within half a step. Positions are as printed and corrected.
+    A value ``survives`` if its error is up to half a step. Positions are as printed and corrected.
     """
     rows = []
     for rule in datasets.read("kim2014_rule_table.csv").to_dict("records"):

@@ -34,7 +34,7 @@ BIT_RATE = float(_PRINTED["baud_rate"])
 LINE = SerialLine(BIT_RATE, _PRINTED["data_bits"] + _PRINTED["parity"][0] + _PRINTED["stop_bits"])
 AMS, JB1, JB3 = (int(_STATIONS[station]) for station in ("AMS", "JB1", "JB3"))
 
-#: Points of Table 3, and therefore the registers of one request for all of them.
+#: Number of points in Table 3, and therefore of registers in one request for all of them.
 POINTS = int(datasets.read("lee2012_table3_sensors.csv")["quantity_points"].astype(int).sum())
 
 #: Fig 4: widths of the fields after the silence [byte].
