@@ -200,7 +200,7 @@ def check(key: str, answer: object, me: Student | None = None) -> Verdict:
     answer : object
         The student's answer; ``...`` or None if there is none yet.
     me : Student, optional
-        Student who solves the exercise; required if its numbers depend on the student.
+        Student who solves the exercise; required if the numbers depend on the student.
 
     Returns
     -------

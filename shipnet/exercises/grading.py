@@ -2,8 +2,8 @@
 
 A student's cells run in a separate process, which returns values of variables and results of
 functions. Answers are checked in this process, where no notebook can change the checks. The other
-process has an empty folder, no input, and limits on time, memory and file size. It does not protect
-the computer against an attack.
+process has an empty folder, no input, and limits on time, memory and file size. These
+measures do not protect the computer against an attack.
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ def _most(limit: float, repetitions: int) -> int:
 
 
 def _fit(limit: float, exchanges: int, tail: int = 10, times: int = 1) -> int:
-    """Return how many slaves fit besides other exchanges, with `times` exchanges per slave."""
+    """Return how many slaves fit, with `times` exchanges each, besides `exchanges` others."""
     return int((limit / 6e-3 - tail) // (26 * times)) - exchanges
 
 
@@ -100,7 +100,7 @@ def most_slaves(limit: float, repetitions: int) -> Solution:
     right = _most(limit, repetitions)
     return Whole(right, "slaves"), {
         "each repetition takes the time of one exchange": _most(limit, 0),
-        # Rounding up, or omitting the last pause and response or an extra request, gives this.
+        # Rounding up, or omitting the last pause and response or a request, gives this answer.
         "add cycle, repetitions, pause and response for this number: is that within the limit?": (
             right + 1
         ),

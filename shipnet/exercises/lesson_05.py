@@ -28,7 +28,7 @@ def _stop(ids: Sequence[str]) -> int:
 
 
 def _plain(ids: Sequence[str]) -> bool:
-    """Return whether there is no stuff bit before the ids differ, and the bit order matters."""
+    """Return whether the ids differ before any stuff bit, and reversed ids give another answer."""
     last, winner = _stop(ids), f"{min(int(number, 16) for number in ids):011b}"
     early = [bit for number in ids for bit in Frame(int(number, 16)).stuff_positions if bit <= last]
     return not early and winner[::-1][:last] != winner[:last]
@@ -86,7 +86,7 @@ def stuffed() -> Solution:
             lambda bits: _stuffed(bits, counted=0)
         ),
         "four equal bits are allowed; are five?": lambda bits: _stuffed(bits, after=4),
-        "after six equal bits it is too late": lambda bits: _stuffed(bits, after=6),
+        "a stuff bit after six equal bits comes too late": lambda bits: _stuffed(bits, after=6),
         "a stuff bit may start a run of five, which `replace` does not detect": (
             lambda bits: bits.replace("00000", "000001").replace("11111", "111110")
         ),

@@ -71,7 +71,7 @@ def _lost(events: str, size: int) -> int:
 
 
 def _counting(most: int, least: int = 0) -> Callable[[str, int], int]:
-    """Return a function whose count of unread bytes stays between least and size + most."""
+    """Return a function whose count of unread bytes stays from `least` to ``size + most``."""
 
     def lost_bytes(events: str, size: int) -> int:
         waiting = lost = 0

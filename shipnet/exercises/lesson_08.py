@@ -104,10 +104,10 @@ def lost_valves() -> Solution:
 
 @solution("ex-08-4", n=range(20, 46))
 def timeout(n: int) -> Solution:
-    """Time-out with which one round and two failed polls take the rule's 2 s exactly."""
+    """Time-out with which one round and two failed polls take exactly the 2 s of the rule."""
     left = RULE - _POLL.scan_time(n)
     return Number(1e3 * (left / 2 - _REQUEST), "ms"), {
-        "how many failed polls can one cut cause before all valves downstream of it are moved?": 1e3
+        "how many failed polls can one cut cause before all valves downstream use port B?": 1e3
         * (left - _REQUEST),
         "the round of answered polls takes time too": 1e3 * (RULE / 2 - _REQUEST),
         "a failed poll takes longer than its time-out: the request has to be sent": 1e3 * left / 2,

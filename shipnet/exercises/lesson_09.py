@@ -23,7 +23,7 @@ def _firing(readings: Mapping[str, Any], method: str) -> list[list[str]]:
 
 
 def _cases() -> tuple[dict[str, float], ...]:
-    """Return readings with 2 to 4 rules that hold; ramps or single terms give other rules."""
+    """Return readings for which 2 to 4 rules hold; with ramps or single terms, others hold."""
     values = ((1.8, 118, 128), (0, 1.2, 4.1), (0, 2.3, 3.4), (50, 86, 95), (-3, 40, 103), (0, 2))
     every = np.array(list(product(*values)))
     readings = dict(zip(_BASE.names, every.T, strict=True))

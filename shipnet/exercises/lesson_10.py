@@ -120,7 +120,7 @@ def _reviews() -> tuple[_Options, _Options]:
 
 
 def _good(options: _Options, limit: float, faults: bool = False) -> Iterator[tuple[int, int, str]]:
-    """Yield cost, loss and name of options within a limit, by default only of faultless ones."""
+    """Yield cost, loss and name of options within a limit, by default only those without faults."""
     for name, (cost, lost, wrong) in options.items():
         if lost <= limit and (faults or not wrong):
             yield cost, lost, name
@@ -131,7 +131,7 @@ def _cheapest(options: _Options, limit: float, faults: bool = False) -> str:
 
 
 def _cases() -> list[tuple[_Options, int]]:
-    """Return options with limits: an invented set, a limit no plan meets, limits near losses."""
+    """Return sets of options (one is invented), each with a limit on the loss."""
     made_up = {"home runs": (50, 3, 0), "CAN": (40, 5, 0), "AS-i": (60, 4, 0), _POOR: (55, 2, 0)}
     long, short = _reviews()
     most = long["AS-i"][1]

@@ -60,7 +60,7 @@ def output_bits(*, profile: str) -> int:
 def same_answer(
     *, halves: tuple[Half | None, Half | None] = (None, "A"), asked: bool = False
 ) -> bool:
-    """Whether a standard and an A slave have equal responses, or if `asked` equal requests."""
+    """Whether a standard and an A slave have equal responses or, if `asked`, equal requests."""
     requests = [Request.data_exchange(21, 0x6, half) for half in halves]
     said = [request if asked else request.answer(0x6) for request in requests]
     return said[0].bits == said[1].bits
@@ -118,7 +118,7 @@ def silent_after_error(*, damaged: bool = True) -> bool:
 
 @check("icn2007-052", counter={"bits": Request(Call.READ_ID, 3).bits})
 def silent_to_others(*, bits: str = "") -> bool:
-    """Whether a synchronous slave ignores requests to others and unknown calls."""
+    """Whether a synchronous slave ignores requests to other slaves and unknown calls."""
     asked = [bits] if bits else [Request(Call.READ_ID, 4).bits, UNKNOWN]
     return all(answer_to(one) == "silence" for one in asked)
 
@@ -225,7 +225,7 @@ check("icn2007-031", counter={"closed": False})(
 def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -> float:
     """Return the voltage drop to a load of 1 A on a line or a ring [V].
 
-    A ``closed`` cable returns to the supply. It has two cores of 1.5 mm2; lengths are in m.
+    A ``closed`` cable returns to the supply. Cables have two cores of 1.5 mm2; lengths are in m.
     """
     (segment,) = (ring if closed else line)(length, [place], current=1.0).segments
     voltage = segment.voltages
@@ -236,7 +236,7 @@ def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -
 def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
     """Whether the voltage of every response sums to under 1 % of the sum of its absolute values.
 
-    The supply's inductor causes this; the counter-example has a resistor instead.
+    The sum is small because of the supply's inductor; the counter-example has a resistor instead.
     """
     plan = line(100, slaves=(5, 50, 100))
     network = plan.network
@@ -249,7 +249,7 @@ def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
 
 @check("icn2007-032", counter={"length": 200.0})
 def dense_pulses_change_more(*, length: float = 100.0) -> bool:
-    """Whether an open end changes pulses that are 3 us apart more than those 6 us apart."""
+    """Whether an open end changes pulses that are 3 us apart more than pulses 6 us apart."""
     change = [
         abs(pulse_height(length, bits) / pulse_height(length, bits, terminator=100.0) - 1)
         for bits in ("0" * 16, "01" * 8)
@@ -377,7 +377,7 @@ check("icn2007-004", counter={"length": 101.0})(
 
 @check("icn2007-048", counter={"supply": 0.0})
 def structures_are_allowed(*, supply: float = 50.0) -> bool:
-    """Whether all structures meet every rule, with the even line's supply at this place [m]."""
+    """Whether all structures meet every rule; the evenly spaced line is fed at `supply` [m]."""
     plans = {**allowed_plans(), "evenly": line(100, SLAVES, supply=supply)}
     return all(keeps_all_rules(plan) for plan in plans.values())
 
@@ -408,7 +408,7 @@ check("icn2007-056", counter={"supply": 90.0})(
 
 @check("icn2007-057", counter={"longest": 200.0})
 def robust_on_any_topology(*, longest: float = 100.0) -> bool:
-    """Whether all responses are read on the structures of section 4 and a line this long [m]."""
+    """Whether all responses are read on the structures of section 4 and on a line this long [m]."""
     plans = [*allowed_plans().values(), line(longest, [0.05 * longest, longest])]
     heard = [plan.waveform() for plan in plans]
     return all(bool((wave.receive().bits == wave.bits).all()) for wave in heard)

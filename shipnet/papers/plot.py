@@ -93,7 +93,7 @@ def box(
     edge: str = "0.2",
     linestyle: str = "-",
 ) -> None:
-    """Draw a filled box with a text in its centre."""
+    """Draw a filled box with text in its centre."""
     style.box(
         ax, *corner, width, height, text,
         facecolor=colour, edgecolor=edge, linestyle=linestyle, zorder=2,
@@ -111,7 +111,7 @@ def arrow(ax: Axes, tail: Sequence[float], head: Sequence[float], arrowstyle: st
 
 
 def fields(ax: Axes, rows: Mapping[str, Sequence[tuple[str, str, str]]]) -> Axes:
-    """Draw rows of fields, each with a text, a colour of `style.FIELD`, and bytes below."""
+    """Draw rows of fields, each with text, a colour of `style.FIELD`, and bytes below."""
     widest = 0.0
     for row, (title, parts) in enumerate(rows.items()):
         x, y = 0.0, -1.6 * row

@@ -26,7 +26,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 @dataclass(frozen=True, eq=False)
 class Recomputation:
-    """A function, a claim's inputs to it, and the inputs that make a check fail."""
+    """A function, its inputs for a claim, and the inputs with which a check must fail."""
 
     function: Callable[..., Any]
     inputs: Mapping[str, object]

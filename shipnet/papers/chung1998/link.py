@@ -229,10 +229,10 @@ numeric("chung1998-047")(lambda *, items=ITEMS: as_printed(items).cascade().sile
 def deaths(
     changes: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30
 ) -> pd.DataFrame:
-    """Count how often each failure report follows `n` failures of SS, spread over a cycle.
+    """Count how many of `n` failures of SS, spread over a cycle, lead to each failure report.
 
-    Only RCS's report of SS is correct. There is one row per rule: `changes` maps its name to the
-    fields of `System` that it changes.
+    Only the report by RCS that SS has failed is correct. There is one row per rule: `changes` maps
+    the name of a rule to the fields of `System` that the rule changes.
     """
     pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))
     runs, rows = check_whole("n", n, 1, 1000), []
@@ -329,7 +329,7 @@ def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
 
 @check("chung1998-070", counter={"per_packet": 1})
 def one_error_costs_much(*, per_packet: int = 40) -> bool:
-    """Whether a wrong end flag costs over half of 40 data items, with `per_packet` per packet."""
+    """Whether a wrong end flag costs over half of 40 data items, `per_packet` in each packet."""
     data = dict.fromkeys(range(40), 1)
     form = MarkerFormat(n_numbers=40)
     parts = [dict(list(data.items())[k : k + per_packet]) for k in range(0, 40, per_packet)]

@@ -23,8 +23,8 @@ from shipnet.remote_control.system import System
 #: "write cycle time 10 ms maximum". We assume that the paper's chip is similar.
 WRITE_TIME = 10e-3
 
-#: Abnormal states that the paper reports for the three trials of section 5; of the second it only
-#: says that it was "also" normal.
+#: Abnormal states that the paper reports for the three trials of section 5; of the second the
+#: paper says only that it was "also" normal.
 PAPER_EVENTS = (0, 0, 1)
 
 #: Bytes stored by one press of the Enter key: we assume a 16-bit integer.
@@ -209,7 +209,7 @@ def recovered(
 ) -> pd.DataFrame:
     """Return how many packets the intended and the corrected ring yield, by ``waiting`` bytes.
 
-    ``intended`` is the mean over the reader's `places`, ``stops`` the fraction where it stops.
+    ``intended`` is the mean over the reader's `places`, ``stops`` the fraction at which it stops.
     """
     if not len(places):
         raise ArgumentError("places is empty; it must contain at least one place")

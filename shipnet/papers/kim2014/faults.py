@@ -189,7 +189,7 @@ def row_is_found(*, code: str, channel: str, value: float, version: str = "print
     return is_right(code, codes)
 
 
-# V1 and V2 must be found at both ends.
+# V1 and V2 must be diagnosed with the valve at either end.
 @check("kim2014-029", code="V1", channel="OP", value=4.0, counter={"value": 2.0})
 @check("kim2014-031", code="V2", channel="DVPos", value=0.0, counter={"value": 11.0})
 def row_is_found_at_both_ends(*, code: str, channel: str, value: float) -> bool:
@@ -299,7 +299,7 @@ def age_table(
 def broken_loops(
     n_valves: int = 247, *, opened: int = 100, start: float = 12.0, duration: float = 60.0
 ) -> dict[str, Picture]:
-    """Break a loop at 9600 bit/s in its middle while valves open, with four kinds of master."""
+    """Break a loop at 9600 bit/s in the middle while valves open, for four kinds of master."""
     orders = [Command("open", 3.0, valves=range(1, opened + 1))]
     unbroken: list[Break] = []
     cases = {"no break": (System(n_valves, status_poll(9600)), unbroken)}
@@ -315,7 +315,7 @@ def broken_loops(
 
 
 def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
-    """Return each picture's greatest age of a position, unanswered requests and wrong valves."""
+    """Return, per picture, the oldest position, the unanswered requests and the wrong valves."""
     rows = {
         name: {
             "oldest_s": picture.seen.oldest,

@@ -142,7 +142,7 @@ def break_table(
 
 
 def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -> pd.DataFrame:
-    """Send a valve to a position, read its status at these times, and return the messages."""
+    """Command a valve to a position, read its status at these times, and return the messages."""
     registers = RegisterMap()
     valve = valve_slaves(Plant())[1]
     write = Request.write_single_register(
@@ -172,7 +172,7 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
 
 @check("kim2014-056", counter={"late": 0.02})
 def identifier_zero_is_enough(*, late: float = 0.0) -> bool:
-    """Whether each response matches its query if identifiers are 0 and this fraction is late."""
+    """Whether responses match their queries if identifiers are 0 and this fraction arrives late."""
     units = np.tile(np.arange(1, 6), 200)
     path = LossyPath(late=late, lateness=0.6)
     return bool(compare(units, path, rng=2024).loc["nothing", "mismatched"] == 0)
@@ -180,7 +180,7 @@ def identifier_zero_is_enough(*, late: float = 0.0) -> bool:
 
 @check("kim2014-057", counter={"widths": (2, 2, 1, 2)})
 def header_has_these_fields(*, widths: tuple[int, ...] = (2, 2, 2, 1)) -> bool:
-    """Whether the header's identifier, 0, length of the rest and unit id have these widths."""
+    """Whether the header fields (identifier, 0, length of the rest, unit id) have these widths."""
     identifier, unit = 0x1501, 17
     request = Request.read_input_registers(0x4020, 4)
     pdu, adu = request.pdu, request.tcp(unit, identifier)

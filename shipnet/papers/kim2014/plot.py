@@ -150,7 +150,7 @@ def _testbed(*, ax: Axes) -> Axes:
 
 
 def _valve(ax: Axes, place: tuple[float, float], drive: str) -> None:
-    """Draw the two triangles of a valve, with its own drive above if it has one."""
+    """Draw the two triangles of a valve, with its own drive, if any, above them."""
     x, y = place
     for side in (-1, 1):
         ax.fill(
@@ -168,7 +168,7 @@ _MARKS = ".o^sD"
 
 
 def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
-    """Draw a valve's true position, and what masters with different numbers of valves received."""
+    """Draw a valve's position, and those received by masters of different numbers of valves."""
     ax.plot(
         true.time, true.samples["VPos"][:, 0], color="0.6", linewidth=1, label="the valve itself"
     )

@@ -40,7 +40,7 @@ _TABLES = {
     "read": datasets.read("kim2014_table3_read_registers.csv"),
 }
 
-#: Printed texts of fields that have no number; the fields are 0 here.
+#: Printed texts of fields that contain no number; the fields are 0 here.
 _ZERO = ("0.0.0.0", "Position 0-100%", "see bits")
 
 
@@ -65,7 +65,7 @@ STANDARD = {
 
 
 def message_table() -> pd.DataFrame:
-    """Return the printed messages beside the standard's, and a standard decoder's verdict.
+    """Return the printed and the standard messages, with the verdict of a standard decoder.
 
     The lengths are those in the MBAP header.
     """
@@ -328,7 +328,7 @@ def code_table() -> pd.DataFrame:
 def survival_table() -> pd.DataFrame:
     """Return how the values of the paper's fault tests arrive at the master.
 
-    A value ``survives`` if it arrives within half a step. Positions are as printed and corrected.
+    A value ``survives`` if its error is up to half a step. Positions are as printed and corrected.
     """
     rows = []
     for rule in datasets.read("kim2014_rule_table.csv").to_dict("records"):

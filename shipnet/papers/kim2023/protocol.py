@@ -217,7 +217,7 @@ def table(item: str) -> pd.DataFrame:
 def differences(item: str) -> pd.DataFrame:
     """Return the cells of a table that differ from the printed ones, with claim and reason.
 
-    A row that only one of the two has is listed once, with an empty column name.
+    A row that is in only one of the two tables is listed once, with an empty column name.
     """
     theirs, ours = printed(item), table(item)
     found = []
@@ -249,8 +249,8 @@ def slaves_per_master(*, halves: tuple[Half | None, ...]) -> int:
     )
 
 
-# 300 m with four digital inputs per module. The printed number for the submarine follows from one
-# contact per slave.
+# The 300 m example has modules with four digital inputs. For the submarine, one contact per slave
+# gives the printed number of strands.
 
 
 @numeric("kim2023-002", slaves=62, inputs=4)
@@ -363,7 +363,7 @@ def moves(*, target: str = "9") -> bool:
 
 @check("kim2023-097", counter={"labels": ("1A", "1A")})
 def codes_tell_apart(*, labels: tuple[str, str] = ("1A", "1B")) -> bool:
-    """Whether two slaves of one kind and address number have different ID codes 1."""
+    """Whether two slaves of the same kind and address number have different ID codes 1."""
     slaves = [Slave(label, id1=k) for label, k in zip(labels, (1, 2), strict=True)]
     asked = [(0.05, ReadCodes(label)) for label in sorted(set(labels))]
     run = simulate(slaves, until=0.2, commands=asked)
@@ -442,11 +442,11 @@ numeric("kim2023-033")(lambda: Transaction().unanswered)
 @numeric("kim2023-034", slaves=31)
 @numeric("kim2023-035", slaves=62)
 def update_time(*, slaves: int) -> float:
-    """Duration of a cycle with one management request, all addresses in use [ms]."""
+    """Duration of a cycle with one management request if all addresses are in use [ms]."""
     return 1e3 * float(Cycle(slaves, inclusion=0).update_time())
 
 
-# Section 3.3: messages of more than four bits, and what they are too slow for.
+# Section 3.3: messages of more than four bits, and the processes that change too fast for them.
 
 #: Samples per period of a control loop's bandwidth; 10 to 30 are usual: K. J. Astrom,
 #: B. Wittenmark, "Computer-Controlled Systems", 3rd ed., 1997, section 2.9.

@@ -35,7 +35,7 @@ def louder_far_from_supply(*, near: float = 5.0, far: float = 100.0) -> bool:
 
 @check("kim2023-077", "icn2007-050", counter={"supply": 60.0})
 def above_supply(*, slave: float = 30.0, supply: float = 30.0) -> bool:
-    """Whether the voltage at a slave that sends on 30 V rises above `supply`."""
+    """Whether the voltage at a slave that sends on a 30 V line rises above `supply`."""
     place = 100.0
     plan = line(100, slaves=(place,), master=place, supply=0)
     return bool(slave + plan.waveform(Response(0x6)).u.max() > supply)
@@ -66,7 +66,7 @@ def rising_current(*, sign: int = -1) -> bool:
 
 # Section 3.4: the receiver's tolerances, and the effect of an open cable.
 
-#: Sampling interval of the trains [s].
+#: Sampling interval of the pulse trains [s].
 STEP = 250e-9
 
 
@@ -82,7 +82,7 @@ def train_of(heights: npt.ArrayLike) -> Floats:
 def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
     """Whether every response is read if its pulses differ by this fraction of the largest.
 
-    The first pulse, largest or smallest, sets the threshold at 45 % or 55 % of itself.
+    The first pulse, largest or smallest, sets the threshold to 45 % or 55 % of its own height.
     """
     sent = Modulation(RESPONSES).bits
     low = np.full((2, 14), 1 - difference)
@@ -96,7 +96,7 @@ def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
 def copes_with_overshoot(*, overshoot: float = 0.3) -> bool:
     """Whether every response is read if ringing reaches this fraction of the largest pulse.
 
-    All slots without a pulse ring. The first pulse, 65 % of the largest, sets the threshold.
+    Each slot without a pulse has ringing. The first pulse, 65 % of the largest, sets the threshold.
     """
     sent = Modulation(RESPONSES).bits
     pulses = np.pad(Modulation(sent).pulses.signs, ((0, 0), (0, 2))).astype(float)
@@ -170,7 +170,7 @@ def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
     words = Modulation([frame(f"{data:0{size}b}") for data in range(2**size)]).pulses.signs
     slots = np.pad(words, ((0, 0), (0, 2)))[:, 1:]
     n = slots.shape[1]
-    # The checks accept only these telegrams: an error passes if one telegram becomes another.
+    # The checks accept only these telegrams: an error passes if it turns one into another.
     passed = sum(int(((slots != word).sum(axis=1) == faults).sum()) for word in slots)
     return passed, len(slots) * comb(n, faults) * 2**faults
 

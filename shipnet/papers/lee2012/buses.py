@@ -34,7 +34,7 @@ BIT_RATE = float(_PRINTED["baud_rate"])
 LINE = SerialLine(BIT_RATE, _PRINTED["data_bits"] + _PRINTED["parity"][0] + _PRINTED["stop_bits"])
 AMS, JB1, JB3 = (int(_STATIONS[station]) for station in ("AMS", "JB1", "JB3"))
 
-#: Points of Table 3, and therefore the registers of one request for all of them.
+#: Number of points in Table 3, and therefore of registers in one request for all of them.
 POINTS = int(datasets.read("lee2012_table3_sensors.csv")["quantity_points"].astype(int).sum())
 
 #: Fig 4: widths of the fields after the silence [byte].
@@ -201,7 +201,7 @@ def request_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
 
 @numeric("lee2012-034")
 def response_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
-    """Duration of a response with this many registers on the line [ms]."""
+    """Duration on the line of a response with this many registers [ms]."""
     return 1e3 * _serial(rate).frame_time(len(answer(registers).rtu(JB1)))
 
 
@@ -226,7 +226,7 @@ numeric("lee2012-098")(lambda *, widths=_WIDTHS["response"]: sum(widths))
 
 @numeric("lee2012-057")
 def time_to_response(*, request: int = 8, response: int = 8, rate: float = BIT_RATE) -> float:
-    """Time from the start of a request to the drawn response's end, without processing [us]."""
+    """Time from the start of a request to the end of the response in Fig 4, no processing [us]."""
     line = _serial(rate)
     return 1e6 * (line.frame_time(request) + line.t35 + line.frame_time(response))
 
