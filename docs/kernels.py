@@ -63,7 +63,7 @@ class Kernel:
 def fork(*, at_once: bool = False) -> None:
     """Make this process start its kernels as forks, if the system can fork.
 
-    The libraries are loaded for the first kernel, or now if `at_once`.
+    The libraries are loaded when the first kernel starts, or immediately if `at_once` is true.
     """
     from jupyter_client.provisioning import local_provisioner
 
@@ -84,13 +84,13 @@ def _server() -> Any:
 
 def _serve() -> None:
     """Fork a kernel for each line of the standard input, and print its process id."""
-    # While they load, pyplot reads this variable, and pandas checks whether it is in a notebook.
+    # On import, pyplot reads this variable, and pandas checks whether it runs in a notebook.
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
     builtins.get_ipython = lambda: SimpleNamespace(kernel=None)
     for name in LIBRARIES:
         importlib.import_module(name)
     del builtins.get_ipython
-    # Garbage collection in a kernel skips what is loaded, so that its memory is not copied.
+    # Kernels do not garbage-collect the loaded libraries, so their memory is not copied.
     gc.freeze()
     signal.signal(signal.SIGCHLD, _bury)
     # Ctrl-C must stop only the program that starts the kernels.
@@ -127,6 +127,6 @@ def _run(arguments: list[str], folder: str, environment: dict[str, str]) -> None
 
 
 if __name__ == "__main__":
-    # A notebook can import files from its own folder, but not from this one.
+    # A notebook can import files from its own folder, but not from the folder of this script.
     del sys.path[0]
     _serve()

@@ -73,7 +73,7 @@ def mark(notebook: NotebookNode) -> None:
             asked = "Predict" in cell.source
             if cell.source.startswith(("# ", "## ")):
                 kind = "slide"
-            # A caption, and what to notice, stay on the slide of their figure if there is room.
+            # A figure's caption and the text on what to notice stay on its slide if there is room.
             elif not re.match(r"\*[^*]|\*\*What to notice", cell.source):
                 kind = "subslide"
         elif HIDDEN & editions.tags(cell) or (
