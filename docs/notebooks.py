@@ -328,7 +328,7 @@ def _graph() -> Any:
 
 @cache
 def _needs(root: Path) -> dict[Path, tuple[str, set[str]]]:
-    """Return the text of each notebook and the modules that it uses, including those loaded by name.
+    """Return the text of each notebook and the modules it uses, including those loaded by name.
 
     The modules loaded by name judge the claims of a paper or the exercises of a lesson.
     """
