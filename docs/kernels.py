@@ -1,7 +1,7 @@
 """Kernels forked from a process that has already loaded the libraries, if the system can fork.
 
 Most kernels take longer to load Jupyter, pandas, matplotlib and scipy than their notebook takes to
-compute. A fork has them immediately, but not shipnet; each kernel is a process of its own.
+compute. A fork has these libraries immediately, but loads shipnet itself; each is a separate process.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Kernel:
         return None
 
     def wait(self) -> int:
-        """Return 0 as the exit code of a kernel that has ended; nothing uses it."""
+        """Return 0 as the exit code of a kernel that has ended; the value is not used."""
         return 0
 
     def send_signal(self, number: int) -> None:

@@ -347,7 +347,7 @@ def _needs(root: Path) -> dict[Path, tuple[str, set[str]]]:
 
 
 def _strings(source: str) -> str:
-    """Return the strings of a module, except those of several lines, which are documentation."""
+    """Return the strings of a module, except multi-line strings, which are documentation."""
     nodes = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant))
     texts = (node.value for node in nodes if isinstance(node.value, str))
     return "\n".join(text for text in texts if "\n" not in text)
