@@ -320,7 +320,7 @@ def sources(root: Path) -> dict[str, bytes]:
             files[f"notebooks/{path.relative_to(copies).as_posix()}"] = path.read_bytes()
     for path in (root / "notebooks").rglob("README.md"):
         files[path.relative_to(root).as_posix()] = path.read_bytes()
-    # The data are placed where a notebook's relative links expect them, as downloads.
+    # The data files can be downloaded; relative links in the notebooks lead to these paths.
     others = [*(root / "data").rglob("*"), root / "CHANGELOG.md"]
     for path in (path for path in others if path.is_file()):
         files[path.relative_to(root).as_posix()] = path.read_bytes()

@@ -1,7 +1,7 @@
 """Kernels forked from a process that has already loaded the libraries, if the system can fork.
 
 Most kernels take longer to load Jupyter, pandas, matplotlib and scipy than their notebook takes to
-compute. A fork has these libraries immediately, but loads shipnet itself; each is a separate process.
+compute. A fork has these libraries at once, but must load shipnet; each kernel is its own process.
 """
 
 from __future__ import annotations
