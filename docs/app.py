@@ -2,8 +2,8 @@
 
     python docs/app.py [folder] [options of Voila]
 
-The index has a card for each notebook, with its title, its first sentences and its first figure,
-as they are stored. The pages load nothing from the network: the templates in docs/voila/ leave out
+The index has a card for each notebook, with the title, first sentences and first figure of the
+stored notebook. The pages load nothing from the network: the templates in docs/voila/ leave out
 what Voila would fetch.
 
 A page shows the figure of its card until the tool is ready. Worked examples appear with their
@@ -80,7 +80,7 @@ def _plain(text: str) -> str:
 
 
 def build(folder: Path, target: Path) -> Path:
-    """Write Voila's template for a folder of notebooks below `target`, a Jupyter data folder."""
+    """Write Voila's template for a folder of notebooks into `target`, a Jupyter data folder."""
     template = target / "voila" / "templates" / "shipnet"
     shutil.rmtree(template, ignore_errors=True)
     shutil.copytree(SOURCE, template)
@@ -91,7 +91,7 @@ def build(folder: Path, target: Path) -> Path:
 
 
 def voila(folder: Path, data: Path, *options: str) -> tuple[list[str], dict[str, str]]:
-    """Return the command and environment that run Voila, with the template below `data`."""
+    """Return the command and environment that run Voila, with the template in `data`."""
     found = os.environ.get("JUPYTER_PATH")
     environment = os.environ | {"JUPYTER_PATH": os.pathsep.join(filter(None, [str(data), found]))}
     fixed = ("--no-browser", "--theme=light", "--template=shipnet", NOT_NEEDED, *CULL)

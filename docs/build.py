@@ -2,7 +2,7 @@
 
     python docs/build.py [--stored]
 
-With --stored, no notebook is executed; the book shows the stored outputs, which the tests compare.
+With --stored, no notebook is executed; the book shows the stored outputs, which the tests check.
 The Sphinx source is assembled in build/book, and the pages are in build/site. Any warning is an
 error. Unchanged pages are not rebuilt.
 """
@@ -215,7 +215,7 @@ def tested_page(root: Path) -> str:
     ]
     for sign, why in (
         ("synthetic_", "synthetic, made by us"),
-        ("_assumed_", "assumed by us, because kim2014 does not say"),
+        ("_assumed_", "assumed by us, because kim2014 gives no values"),
     ):
         counts.append(("data files", len(names), sum(sign in name for name in names), why))
     sources = (_row([(str(cell), "") for cell in row]) for row in counts)
@@ -259,7 +259,7 @@ def _condition(claim: dict[str, Any]) -> str:
 def _erratum(claim: dict[str, Any]) -> str:
     """Return the table row of one erratum, with a link to its claim."""
     printed, computed = _values(claim)
-    # A computed number is the correction; a wrong statement is corrected in the note.
+    # A wrong number is corrected by the computed one, a wrong statement by the note.
     computed = "" if isinstance(claim["computed"], bool) else computed
     instead, *rest = filter(None, [claim["corrected"] or computed, claim["note"]])
     where = f'<a href="ledger.html#{claim["id"]}">{claim["id"]}</a>'
@@ -293,7 +293,7 @@ def _claim(claim: dict[str, Any]) -> str:
 
 
 def _row(cells: Iterable[tuple[str, str]], attributes: str = "") -> str:
-    """Return a table row; each cell is a text and the small print below it."""
+    """Return a table row; each cell contains text with small print below it."""
     smalls = ((text, f"<small>{small}</small>" if small else "") for text, small in cells)
     return f"<tr{attributes}>{''.join(f'<td>{text}{small}</td>' for text, small in smalls)}</tr>"
 
@@ -320,7 +320,7 @@ def sources(root: Path) -> dict[str, bytes]:
             files[f"notebooks/{path.relative_to(copies).as_posix()}"] = path.read_bytes()
     for path in (root / "notebooks").rglob("README.md"):
         files[path.relative_to(root).as_posix()] = path.read_bytes()
-    # The data are placed where a notebook's relative links expect them, as downloads.
+    # The data files can be downloaded; relative links in the notebooks lead to these paths.
     others = [*(root / "data").rglob("*"), root / "CHANGELOG.md"]
     for path in (path for path in others if path.is_file()):
         files[path.relative_to(root).as_posix()] = path.read_bytes()

@@ -122,7 +122,7 @@ class Part:
 
 
 def measure(lesson: NotebookNode) -> dict[str, Part]:
-    """Return what students read and do under each heading; "" is before the first heading."""
+    """Return what students read and do under each heading, or under "" before the first one."""
     parts = {"": Part()}
     for cell in lesson.cells:
         for line in stub(cell.source).splitlines() if "solution" not in tags(cell) else ():
@@ -180,7 +180,7 @@ def readme(root: Path) -> str:
 
 
 def solutions_edition(lesson: NotebookNode) -> NotebookNode:
-    """Return the title, the cells tagged `setup`, and the section of the exercises, solved."""
+    """Return the title, the cells tagged `setup`, and the section with the solved exercises."""
     title = lesson.cells[0].source.partition("\n")[0].removeprefix("# ")
     about = f"# Solutions: {title}\n\nFor the teacher: the solved exercises of the lesson."
 

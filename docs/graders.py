@@ -69,7 +69,7 @@ def _raw(text: str) -> NotebookNode:
 
 
 def _without_raise(source: str) -> str:
-    """Return the cell without a stub line that raises an error; graders insert their own."""
+    """Return the cell without stub lines that raise an error; graders insert their own lines."""
 
     def region(found: re.Match[str]) -> str:
         raises = "raise NotImplementedError" in found["stub"]

@@ -1,7 +1,7 @@
 """Kernels forked from a process that has already loaded the libraries, if the system can fork.
 
 Most kernels take longer to load Jupyter, pandas, matplotlib and scipy than their notebook takes to
-compute. A fork has them immediately, but not shipnet; each kernel is a process of its own.
+compute. A fork has these libraries at once, but must load shipnet; each kernel is its own process.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Kernel:
         return None
 
     def wait(self) -> int:
-        """Return 0 as the exit code of a kernel that has ended; nothing uses it."""
+        """Return 0 as the exit code of a kernel that has ended; the value is not used."""
         return 0
 
     def send_signal(self, number: int) -> None:
@@ -63,7 +63,7 @@ class Kernel:
 def fork(*, at_once: bool = False) -> None:
     """Make this process start its kernels as forks, if the system can fork.
 
-    The libraries are loaded for the first kernel, or now if `at_once`.
+    The libraries are loaded when the first kernel starts, or immediately if `at_once` is true.
     """
     from jupyter_client.provisioning import local_provisioner
 
@@ -84,13 +84,13 @@ def _server() -> Any:
 
 def _serve() -> None:
     """Fork a kernel for each line of the standard input, and print its process id."""
-    # While they load, pyplot reads this variable, and pandas checks whether it is in a notebook.
+    # On import, pyplot reads this variable, and pandas checks whether it runs in a notebook.
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
     builtins.get_ipython = lambda: SimpleNamespace(kernel=None)
     for name in LIBRARIES:
         importlib.import_module(name)
     del builtins.get_ipython
-    # Garbage collection in a kernel skips what is loaded, so that its memory is not copied.
+    # Kernels do not garbage-collect the loaded libraries, so their memory is not copied.
     gc.freeze()
     signal.signal(signal.SIGCHLD, _bury)
     # Ctrl-C must stop only the program that starts the kernels.
@@ -127,6 +127,6 @@ def _run(arguments: list[str], folder: str, environment: dict[str, str]) -> None
 
 
 if __name__ == "__main__":
-    # A notebook can import files from its own folder, but not from this one.
+    # A notebook can import files from its own folder, but not from the folder of this script.
     del sys.path[0]
     _serve()

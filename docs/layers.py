@@ -1,4 +1,4 @@
-"""Draw the layers of the package and the imports between packages, as they are in the code.
+"""Draw the layers of the package and the imports between its packages, read from the code.
 
     python docs/layers.py        write docs/_static/layers.svg
 
@@ -78,7 +78,7 @@ def draw(root: Path = ROOT, picture: Path = PICTURE) -> None:
             patches[name] = text.get_bbox_patch()
     ax.set(xlim=(0, 1), ylim=(-0.5, len(rows) - 0.5))
     ax.axis("off")
-    fig.canvas.draw()  # sets the sizes of the boxes
+    fig.canvas.draw()  # computes the sizes of the boxes
     top = {name for row in rows[:2] for name in row}
     for one, other in sorted(imports(root)):
         if one in top:

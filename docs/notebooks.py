@@ -134,7 +134,7 @@ def execute(path: Path, tries: int = 3) -> Executed:
         )
         # If another backend is set, no figure reaches the notebook.
         client.execute(env={k: v for k, v in os.environ.items() if k != "MPLBACKEND"})
-    except Exception as error:  # any error is reported for this notebook, and the others go on
+    except Exception as error:  # any error is reported for this notebook; the others are still run
         # A port that was free when the client chose it can be in use when the kernel opens it.
         if isinstance(error, RuntimeError) and not started and tries > 1:
             return execute(path, tries - 1)
@@ -178,7 +178,7 @@ def _executed(paths: list[Path]) -> Iterator[Executed]:
 def run(root: Path, *, stored: bool = False) -> int:
     """Bring build/notebooks up to date; return the number of notebooks that failed.
 
-    If `stored`, no notebook is executed: the copies have the stored outputs, which tests compare.
+    If `stored`, no notebook is executed: the copies have the stored outputs, which the tests check.
     """
     copies = root / "build" / "notebooks"
     marks: dict[Path, str] = {}
@@ -296,7 +296,7 @@ def affected(root: Path, files: Iterable[str]) -> list[Path]:
     """Return the notebooks whose outputs these files can affect, judged by their imports."""
     named = [Path(file) for file in files]
     modules = {_module(file) for file in named if file.parts[0] == "shipnet"}
-    # Code names a data file in full, or by the part after the key of a paper.
+    # Code gives a data file's full name, or only the part that follows the paper's key.
     data = [file.name for file in named if file.parts[0] == "data"]
     data += [f"_{rest}" for name in data if (rest := name.partition("_")[2])]
     graph = _graph()
@@ -328,9 +328,9 @@ def _graph() -> Any:
 
 @cache
 def _needs(root: Path) -> dict[Path, tuple[str, set[str]]]:
-    """Return the text of each notebook and the modules that it uses, also those loaded by name.
+    """Return the text of each notebook and the modules it uses, including those loaded by name.
 
-    These are the modules that judge the claims of a paper, and the exercises of a lesson.
+    The modules loaded by name judge the claims of a paper or the exercises of a lesson.
     """
     needs = {}
     for path in find(root):
@@ -347,7 +347,7 @@ def _needs(root: Path) -> dict[Path, tuple[str, set[str]]]:
 
 
 def _strings(source: str) -> str:
-    """Return the strings of a module, except those of several lines, which are documentation."""
+    """Return the strings of a module, except multi-line strings, which are documentation."""
     nodes = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant))
     texts = (node.value for node in nodes if isinstance(node.value, str))
     return "\n".join(text for text in texts if "\n" not in text)

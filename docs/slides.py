@@ -27,9 +27,9 @@ TEMPLATE = Path(__file__).parent / "slides_template"
 REVEAL = TEMPLATE / "vendor" / "reveal-5.2.1"
 #: Tags of cells that are not shown to a class.
 HIDDEN = {"setup", "widget", "exercise", "check"}
-#: Number of lines of code that a class can read on a slide.
+#: Largest number of lines of code that a class can read on a slide.
 MOST_LINES = 8
-#: The line with the minutes of a section; the speaker view shows them, not the slide.
+#: The line with the minutes of a section, shown in the speaker view but not on the slide.
 MINUTES = re.compile(r"^\*\d+ minutes?\.\*\n*", re.MULTILINE)
 #: Where a Markdown cell is split into several slides.
 PART = re.compile(r"^(?=###? |\*\*Questions\*\*)", re.MULTILINE)
@@ -73,7 +73,7 @@ def mark(notebook: NotebookNode) -> None:
             asked = "Predict" in cell.source
             if cell.source.startswith(("# ", "## ")):
                 kind = "slide"
-            # A caption, and what to notice, stay on the slide of their figure if there is room.
+            # A figure's caption and the text on what to notice stay on its slide if there is room.
             elif not re.match(r"\*[^*]|\*\*What to notice", cell.source):
                 kind = "subslide"
         elif HIDDEN & editions.tags(cell) or (

@@ -21,7 +21,7 @@ CLAIMS = "<th>the paper says</th>"
 class Captions(SphinxTransform):
     """Use each figure's caption as its alternative text; derive a picture's height from its width.
 
-    myst-nb would use the digest of the file as the text. Tables of claims get a CSS class.
+    myst-nb itself uses the file's digest as the alternative text. Tables of claims get a CSS class.
     """
 
     default_priority = 400
