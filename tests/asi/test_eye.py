@@ -63,8 +63,8 @@ def test_what_does_not_fit_is_named(u, message):
 @pytest.mark.parametrize(
     ("bits", "message"),
     [
-        (WORDS[:5], r"^bits have shape \(5, 7\), which does not fit \(16, 268\)$"),
-        (np.tile(WORDS, (2, 1, 1)), r"shape \(2, 16, 7\), which does not fit \(16, 268\)$"),
+        (WORDS[:5], r"^bits have shape \(5, 7\), but u has shape \(16, 268\)$"),
+        (np.tile(WORDS, (2, 1, 1)), r"shape \(2, 16, 7\), but u has shape \(16, 268\)$"),
         (WORDS[:, :5], r"^n_bits is 5; it must be 7 \(a response\) or 14 \(a request\)$"),
     ],
 )

@@ -144,7 +144,7 @@ def test_blocks_do_not_change_the_count_of_false_alarms(monkeypatch):
         (lambda r: fault_trials(["V1"], methods=[], rng=r), "methods is empty"),
         (
             lambda r: fault_trials(["V1"], n_valves=3, severity=[0.1, 0.2], rng=r),
-            "severity is .*each of 3 valves",
+            "severity is .*one value for all or 3 values",
         ),
         (lambda r: fault_trials(["V1"], n_valves=0, rng=r).table(), "n_valves is 0"),
         (lambda r: fault_trials(["V1"], n_valves=2, severity=2.0, rng=r).table(), "severity is 2"),
