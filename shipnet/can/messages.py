@@ -1,7 +1,8 @@
 """Messages of a bus: their priorities, load and files.
 
 A file has the columns `COLUMNS` in any order; columns titled `note` are ignored. Identifiers are
-decimal, or hexadecimal after 0x. Other common titles such as ``CAN-ID (hex)`` are recognised.
+decimal, or hexadecimal with the prefix 0x. Other common titles such as ``CAN-ID (hex)`` are
+recognised.
 """
 
 from __future__ import annotations
@@ -277,7 +278,7 @@ class MessageSet(Named[Message]):
         """Return the messages in a new priority order, given as a sequence of all names.
 
         The identifiers of the set are reassigned in this order. If the set has both 11-bit and
-        29-bit identifiers, it gets new ones, whose first 11 bits count up from 0.
+        29-bit identifiers, all messages get new identifiers, whose first 11 bits count up from 0.
         """
         order = list(names)
         if sorted(order) != sorted(self.names):
@@ -336,7 +337,7 @@ class MessageSet(Named[Message]):
 
 
 def counted(names: Sequence[str]) -> str:
-    """Return a text with the number of messages and the first three names."""
+    """Return the number of messages and the first three names as one string."""
     some = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
     return f"{len(names)} message{'s' if len(names) != 1 else ''}{': ' if some else ''}{some}"
 
@@ -391,9 +392,10 @@ def message_lengths(messages: MessageSet, stuffing: Stuffing = "worst") -> Float
 
 
 def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[Indices, int]:
-    """Return the first bit of each point in a station's data, and the number of bytes.
+    """Return the position of each point's first bit in a station's data, and the number of bytes.
 
-    Analogue values come first, `bits` each and padded to a whole byte, then one bit per state.
+    Analogue values come first, with `bits` bits each, padded together to a whole byte; each state
+    then takes one bit.
     """
     analogue = np.asarray(analogue, dtype=bool)
     values, states = np.cumsum(analogue) - 1, np.cumsum(~analogue) - 1
