@@ -78,9 +78,8 @@ def read_messages(
     checked but not stored.
 
     A message found in a log is named after its identifier. Its period is the mean time between two
-    frames; its jitter is the range of the deviations from that period, including waits for the bus;
-    its ``dlc`` is the largest one found. A message seen only once has the given `period`, or is
-    omitted.
+    frames; its jitter is the range of deviations from that, including waits for the bus; its
+    ``dlc`` is the largest found. A message seen only once has the given `period`, or is omitted.
 
     Examples
     --------
@@ -307,8 +306,7 @@ def compare(
               \text{faster if they last less than } n T (1 - \epsilon) - D
 
     where :math:`\epsilon` = 1.58 % is the largest relative error of a clock on the bus (Bosch, "CAN
-    Specification" 2.0, 1991, part B, section 9). If the jitter exceeds :math:`D`, it replaces
-    :math:`D` in these formulas.
+    Specification" 2.0, 1991, part B, section 9). A jitter above :math:`D` replaces :math:`D`.
 
     Parameters
     ----------

@@ -157,9 +157,9 @@ class _Line:
         """Return the bit count before each edge, the misfits, and a mask of the ambiguous frames.
 
         The bit counts have the axes edge, start and frame, where start is an assumed position of
-        the start of frame within its sample. The misfit is the sum of the distances between edges
-        and bit boundaries, less the uncertainty of the edges. A frame is ambiguous if an edge is
-        over 0.2 bit off.
+        the start of frame in its sample. The misfit is the sum of the distances between edges and
+        bit boundaries, less the edges' uncertainty. In an ambiguous frame an edge is over 0.2 bit
+        off.
         """
         places, count = self.edges.places, self.count[chosen]
         most, bit, half = int(count.max(initial=1)), self.bit * clock, self.edges.width / 2
@@ -382,13 +382,15 @@ def read_capture(
         If the file cannot be read or has no time information, if it has fewer than 1.9 samples per
         bit or more than 2**18 frames, or if there are too few edges to find the bit rate.
 
-    Notes ----- The receiver follows ISO 11898-1, with one sample as its time quantum: it
-    synchronises at the start of a frame and at every edge to dominant. The position of an edge
-    within its sample is unknown, so the receiver tries three positions of the start of frame and
-    keeps the best fit. With fewer than 4 samples per bit, an edge may be equally close to two bit
-    boundaries. A faulty frame with such an edge is decoded again with clocks 0.15 % fast and slow;
-    if it is then correct, it is marked. Decoding again can hide a damaged bit: of 18 419 frames
-    with one flipped bit, 9 were accepted at 2 samples per bit (7 of them marked), and none at 8.
+    Notes
+    -----
+    The receiver follows ISO 11898-1, with one sample as its time quantum: it synchronises at the
+    start of a frame and at every edge to dominant. The position of an edge within its sample is
+    unknown, so the receiver tries three positions of the start of frame and keeps the best fit.
+    With fewer than 4 samples per bit, an edge may be equally close to two bit boundaries. A faulty
+    frame with such an edge is decoded again with clocks 0.15 % fast and slow; if it is then
+    correct, it is marked. Decoding again can hide a damaged bit: of 18 419 frames with one flipped
+    bit, 9 were accepted at 2 samples per bit (7 of them marked), and none at 8.
 
     CAN FD frames are faults because a reserved bit is recessive; error flags count as stuff errors.
 

@@ -314,10 +314,12 @@ def decode(bits: str) -> Frame:
     LengthError, SymbolError
         If the bits end before the frame does, or a character is neither 0 nor 1.
 
-    Notes ----- A receiver ignores the last bit of the end of frame; a dominant last bit signals
-    overload (Bosch, "CAN Specification" 2.0, 1991, part B, section 5). The specification lets
-    receivers accept either value of a reserved bit. Here a recessive reserved bit is a `FormError`,
-    because on today's buses it marks a CAN FD frame.
+    Notes
+    -----
+    A receiver ignores the last bit of the end of frame; a dominant last bit signals overload
+    (Bosch, "CAN Specification" 2.0, 1991, part B, section 5). The specification lets receivers
+    accept either value of a reserved bit. Here a recessive reserved bit is a `FormError`, because
+    on today's buses it marks a CAN FD frame.
 
     Examples
     --------
@@ -415,8 +417,10 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
     Arbitration
         The bits on the bus, and the bit at which each sender stopped.
 
-    Notes ----- Every node is assumed to read the same level within the bit time, as on a short bus
-    (Bosch, "CAN Specification" 2.0, 1991, section 1).
+    Notes
+    -----
+    Every node is assumed to read the same level within the bit time, as on a short bus (Bosch, "CAN
+    Specification" 2.0, 1991, section 1).
 
     Examples
     --------

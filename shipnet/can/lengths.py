@@ -92,11 +92,12 @@ def frame_length(
     int or float or ndarray of float
         Length [bit], in the broadcast shape of the arguments; a whole number except for ``"mean"``.
 
-    Notes ----- In the bound of Davis et al. (2007), a run of equal bits may begin with a stuff bit.
-    Tindell and Burns (1994) overlooked this and divided by 5 instead of 4; `response_times` lists
-    the references. No frame reaches the bound, because the reserved bits and the CRC of a frame are
-    not free: the longest standard frame has 133 bits. Real data are not random: eight zero bytes
-    get 15 stuff bits instead of the mean of 3.3.
+    Notes
+    -----
+    In the bound of Davis et al. (2007), a run of equal bits may begin with a stuff bit. Tindell and
+    Burns (1994) overlooked this and divided by 5 instead of 4; see `response_times`. No frame
+    reaches the bound, because reserved bits and CRC are not free: the longest standard frame has
+    133 bits. Real data are not random: eight zero bytes get 15 stuff bits, not the mean of 3.3.
 
     Examples
     --------

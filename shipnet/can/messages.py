@@ -1,8 +1,7 @@
 """Messages of a bus: their priorities, load and files.
 
 A file has the columns `COLUMNS` in any order; columns titled `note` are ignored. Identifiers are
-decimal, or hexadecimal with the prefix 0x. Other common titles such as ``CAN-ID (hex)`` are
-recognised.
+decimal, or hexadecimal with 0x. Other common titles such as ``CAN-ID (hex)`` are recognised.
 """
 
 from __future__ import annotations
@@ -394,8 +393,7 @@ def message_lengths(messages: MessageSet, stuffing: Stuffing = "worst") -> Float
 def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[Indices, int]:
     """Return the position of each point's first bit in a station's data, and the number of bytes.
 
-    Analogue values come first, with `bits` bits each, padded together to a whole byte; each state
-    then takes one bit.
+    Analogue values (`bits` bits each) come first, padded to a whole byte, then one bit per state.
     """
     analogue = np.asarray(analogue, dtype=bool)
     values, states = np.cumsum(analogue) - 1, np.cumsum(~analogue) - 1

@@ -136,16 +136,14 @@ def _within(streams: Streams, span: int) -> list[int] | None:
         others = [curve for number, curve in curves.items() if number != clock]
         curves[clock] = own.curve(span)
 
-        # The longest busy period, with all clocks at their worst phase, including that of the
-        # message.
+        # The longest busy period, with all clocks, even the message's own, at their worst phase.
         length, work = _staircase([curves[clock], *others])
         ends = np.flatnonzero(blocking + work <= np.r_[np.where(length > 0, length, -1), span + 1])
         if not ends.size:
             return None
         busy = int(blocking + work[ends[0]])
 
-        # Pairs of an instance and a possible start of its busy period; each start is a latest
-        # release.
+        # Pairs of an instance and a possible start (a latest release) of its busy period.
         mine = own.event[own.message == m]
         instance = mine[(mine >= 0) & (mine < own.hyperperiod)]
         begins = np.unique(own.latest)
@@ -199,9 +197,11 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
         If a period is not a multiple of `step`, or the hyperperiod of a sender exceeds a million
         steps.
 
-    Notes ----- The method is a heuristic: the messages of each sender are taken in order of period,
-    shortest first, and each gets the offset around which the sender is least busy. `response_times`
-    with ``offsets=True`` shows the gain, which is largest for senders with many messages.
+    Notes
+    -----
+    The method is a heuristic: the messages of each sender are taken in order of period, shortest
+    first, and each gets the offset around which the sender is least busy. `response_times` with
+    ``offsets=True`` shows the gain, which is largest for senders with many messages.
 
     Examples
     --------

@@ -248,10 +248,9 @@ class ResponseTime(NamedTuple):
     """The longest response time of a `message`, and its parts [s].
 
     `blocking` is the time of the longest frame that may already be on the bus. `busy_period` is the
-    longest time for which messages of this or higher priority keep the bus busy, including
-    blocking; it is infinite if the bus never becomes free, and NaN with offsets. `instances`
-    contains the longest response of each instance in the busy period. `met` is True if `response`,
-    their maximum, meets the deadline.
+    longest time for which messages of this or higher priority keep the bus busy, blocking included:
+    infinite if it never ends, NaN with offsets. `instances` contains the longest response of each
+    instance in the busy period. `met` is True if `response`, their maximum, meets the deadline.
 
     Examples
     --------
@@ -409,11 +408,13 @@ def response_times(
     ResponseTimes
         One `ResponseTime` per message; a response without a bound is infinite.
 
-    Notes ----- The method is from [1]_, with a tau of one bit time. Older analyses [2]_ examine
-    only the first instance in a busy period, so their bounds may be too low. Times are rounded
-    once, to whole ticks. A load within about 1e-4 of 1 counts as an overload if a busy period has
-    more than 200000 iterations or instances. Every node must send its highest-priority message
-    first, and the instances of a message in order.
+    Notes
+    -----
+    The method is from [1]_, with a tau of one bit time. Older analyses [2]_ examine only the first
+    instance in a busy period, so their bounds may be too low. Times are rounded once, to whole
+    ticks. A load within about 1e-4 of 1 counts as an overload if a busy period has more than 200000
+    iterations or instances. Every node must send its highest-priority message first, and the
+    instances of a message in order.
 
     With `offsets`, only the clock of the message's own sender is examined instance by instance;
     every other sender is assumed to be at its worst phase. The bound is safe. It equals the bound
@@ -505,8 +506,7 @@ def _solve(bus: Bus, place: int, errors: ErrorBound) -> _Solved:
 class Assignment(NamedTuple):
     """Messages in a priority order, which is `feasible` if it meets all deadlines.
 
-    `unplaced` names the messages that were left when none met its deadline at the lowest free
-    priority.
+    `unplaced` names the messages left when none met its deadline at the lowest free priority.
     """
 
     messages: MessageSet

@@ -270,9 +270,8 @@ class RuleBase:
         r"""Defuzzify the fault number as a controller would, to show why this is wrong.
 
         One row per sample: the ``active`` codes, the ``top`` code, the ``centroid`` z of their
-        numbers, and the code ``nearest`` to z (in a tie, the one with the lower number). Rule i has
-        the consequent "number is i", a triangle of half-width 1/2 about i that is cut at the firing
-        strength:
+        numbers, and the code ``nearest`` to z (in a tie, the lower one). Rule i has the consequent
+        "number is i", a triangle of half-width 1/2 about i that is cut at the firing strength:
 
         .. math:: z = \frac{\sum_i w_i \left( 2 - w_i \right) i}{\sum_i w_i \left( 2 - w_i \right)}
         """

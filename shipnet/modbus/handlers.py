@@ -20,7 +20,7 @@ from shipnet.modbus.wire import Wire
 
 Respond = Callable[[Adu], Answer]
 
-_QUOTA = 4  #: Number of requests of one client answered before the others have their turn.
+_QUOTA = 4  #: Number of requests of a client that are answered before others have their turn.
 _READ = 4096  #: Bytes read from a client at once; no more are read until these are answered.
 
 #: Maximum numbers of delayed responses to one client, and to all senders of datagrams; beyond them,

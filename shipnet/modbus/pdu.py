@@ -407,7 +407,7 @@ class Response(_Framed):
 
 
 def _named(code: int, values: tuple[Any, ...]) -> dict[str, Any]:
-    """Return values as the keyword argument for the function code: coils or registers."""
+    """Return values as a keyword argument: coils or registers, depending on the function code."""
     return {"coils" if code in _COILS else "registers": values}
 
 
@@ -464,7 +464,7 @@ def _opened(pdu: bytes, kind: str) -> bytes:
 
 
 def _read(data: bytes, layouts: dict[int, tuple[str, ...]]) -> tuple[tuple[int, ...], bytes]:
-    """Return the numbers after the function code, and the bytes that a byte count announces."""
+    """Return the 16-bit fields after the function code, and the bytes after any byte count."""
     if data[0] > 0x80 and layouts is _RESPONSES:
         if len(data) != 2:
             raise LengthError(f"the exception has {len(data)} bytes; it must have 2")
@@ -558,7 +558,7 @@ class Adu:
         return Request.parse(self.pdu)
 
     def response(self, request: Request | None = None) -> Response:
-        """Return the response in the PDU, compared with the request if it is given."""
+        """Return the response in the PDU, checked against the request if one is given."""
         return Response.parse(self.pdu, request)
 
     def table(self) -> pd.DataFrame:

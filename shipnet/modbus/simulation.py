@@ -86,7 +86,7 @@ class Master:
                 break
             self.turn(slave)
         if self.time == begin:
-            # If all are lost, nothing happens before the next recheck.
+            # If all slaves are lost, nothing happens before the next recheck.
             self.time = min(self.last_failure + self.rule.recheck, end)
 
     def turn(self, slave: int) -> None:
@@ -141,7 +141,7 @@ class Master:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """A simulated master; `simulate` returns it, with `system`, `faults` and `until` [s] as given.
+    """A simulated master, as returned by `simulate` for `system`, `faults` and `until` [s].
 
     Examples
     --------
@@ -218,7 +218,7 @@ class Run:
         return longest
 
     def table(self) -> pd.DataFrame:
-        """Return one row per slave: its port, number of responses and longest time without one.
+        """Return one row per slave: port, number of responses, longest time without a response.
 
         ``port`` is the one that serves the slave at the end, ``"-"`` if it is lost.
         """

@@ -52,7 +52,7 @@ class DeviceError(Exception):
 
 @runtime_checkable
 class Device(Protocol):
-    """Any object that can be read and written by address; it raises `DeviceError` to refuse.
+    """Any object that can be read and written by address; it raises `DeviceError` to refuse access.
 
     Examples
     --------
@@ -239,8 +239,8 @@ class Slave:
 
         The PDU is empty if the slave is silent or the function code is 0 or above 127. Exceptions
         follow the order of "MODBUS application protocol" V1.1b3, section 6: 1 for the function
-        code, 3 for an illegal field or length, then that of the device. If the device fails
-        otherwise, the response is exception 4; the failure is logged to ``shipnet.modbus.server``.
+        code, 3 for an illegal field or length, then the device's exception. If it fails otherwise,
+        the response is exception 4, and the failure is logged to ``shipnet.modbus.server``.
         """
         pdu = request.pdu if isinstance(request, Request) else request
         if not isinstance(pdu, bytes | bytearray | memoryview):
@@ -258,7 +258,7 @@ class Slave:
             exception = refusal.exception
         except FrameError:
             exception = ExceptionCode.ILLEGAL_DATA_VALUE
-        # A response is sent whatever error the device's code raises.
+        # A response is sent no matter which error the device's code raises.
         except Exception:
             logging.getLogger("shipnet.modbus.server").exception("the device failed")
             exception = ExceptionCode.SERVER_DEVICE_FAILURE

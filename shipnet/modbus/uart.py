@@ -83,8 +83,8 @@ class SerialLine:
     ) -> Waveform:
         """Return the level while frames are sent, as corners of a step function.
 
-        `gap` is the silence after each frame, one for all or one per frame, and `start` that before
-        the first [s]; both are t3.5 by default, but a single `gap` also applies to `start`.
+        `gap` is the silence after each frame (one value, or one per frame), and `start` the silence
+        before the first [s]; both are t3.5 by default, but a single `gap` also applies to `start`.
         """
         parts = [frames] if isinstance(frames, bytes | bytearray | memoryview) else list(frames)
         single = self.t35 if gap is None else gap
@@ -104,7 +104,7 @@ class SerialLine:
             levels.append(np.append(bits, 1))
             begin = times[-1][-1] + pause
         time, level = np.concatenate(times), np.concatenate(levels).astype(np.float64)
-        # Keep the last corner of each time, and only corners where the level changes.
+        # Keep the last of several corners at one time, and only corners where the level changes.
         keep = np.append(np.diff(time) > 0, True)
         time, level = time[keep], level[keep]
         corner = np.append(True, np.diff(level) != 0)
@@ -116,9 +116,9 @@ class SerialLine:
 
         .. math:: -\frac{1/2}{n - 1/2} < \delta < \frac{1/2}{n - 1/2}
 
-        for n bits up to the first stop bit. With two stop bits the sample of the first may fall
-        into the second, so the right denominator is n - 3/2. Rise times, jitter and a receiver that
-        samples the line at discrete times reduce the range.
+        for n bits up to the first stop bit. With two stop bits, the sample of the first stop bit
+        may fall into the second one, so the denominator on the right is n - 3/2. Rise times, jitter
+        and a receiver that samples the line at discrete times reduce the range.
         """
         n = 1 + _DATA + (self.character[1] != "N") + 1
         stops = int(self.character[2])
@@ -209,14 +209,14 @@ class Waveform:
         return f"Waveform({self.time.size} corners, {1e3 * end:.3g} ms, {self.line!r})"
 
     def decode(self, receiver: SerialLine | None = None) -> Characters:
-        """Return the characters that a receiver reads; errors are codes, never exceptions.
+        """Return the characters that a receiver reads; errors become codes, not exceptions.
 
         The bit rate of `receiver` may differ from the sender's, which is the default. A falling
         edge is a start bit if the level is still 0 half a bit later; bits are sampled in the
         middle. A first stop bit of 0 is a framing error (`FormError`), which hides a parity error.
         """
         line = self.line if receiver is None else receiver
-        # Keep the last corner of each time.
+        # Of several corners at the same time, keep the last one.
         keep = np.append(np.diff(self.time) > 0, True)[: self.time.size]
         at, one = self.time[keep], self.level[keep] > 0.5
         bit = 1 / line.bit_rate
