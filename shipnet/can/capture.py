@@ -156,10 +156,9 @@ class _Line:
     def receive(self, chosen: Indices, clock: float) -> tuple[Integers, Floats, Bools]:
         """Return the bit count before each edge, the misfits, and a mask of the ambiguous frames.
 
-        The bit counts have the axes edge, start and frame, where start is an assumed position of
-        the start of frame in its sample. The misfit is the sum of the distances between edges and
-        bit boundaries, less the edges' uncertainty. In an ambiguous frame an edge is over 0.2 bit
-        off.
+        The bit counts have the axes edge, start and frame, start being an assumed position of the
+        start of frame in its sample. The misfit sums the distances between edges and bit
+        boundaries, less the edges' uncertainty. In an ambiguous frame an edge is over 0.2 bit off.
         """
         places, count = self.edges.places, self.count[chosen]
         most, bit, half = int(count.max(initial=1)), self.bit * clock, self.edges.width / 2

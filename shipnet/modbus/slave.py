@@ -239,8 +239,8 @@ class Slave:
 
         The PDU is empty if the slave is silent or the function code is 0 or above 127. Exceptions
         follow the order of "MODBUS application protocol" V1.1b3, section 6: 1 for the function
-        code, 3 for an illegal field or length, then the device's exception. If it fails otherwise,
-        the response is exception 4, and the failure is logged to ``shipnet.modbus.server``.
+        code, 3 for an illegal field or length, then the device's own. If the device fails
+        otherwise, exception 4 is returned, and the failure is logged to ``shipnet.modbus.server``.
         """
         pdu = request.pdu if isinstance(request, Request) else request
         if not isinstance(pdu, bytes | bytearray | memoryview):

@@ -1,8 +1,8 @@
 """The receive ring: an interrupt stores bytes, a task extracts them later.
 
 Writer and reader each have a place (``no``, ``get_no``) and a flag that changes at the end of the
-ring (``ring_f``, ``ring_get_f``). Place and flag together count to twice the size of the ring, and
-show the unread bytes in one of four cases:
+ring (``ring_f``, ``ring_get_f``). Place and flag together count up to twice the size of the ring,
+and show one of four cases:
 
 - a: same flags, ``no < get_no``: the reader seems to have passed the writer;
 - b: same flags, ``no >= get_no``: in order, or empty;
@@ -83,7 +83,7 @@ class Ring:
         Capacity of the ring, 2..65536 bytes.
     rule : {"printed", "intended", "corrected"}, default "printed"
         Rule by which the reader decides. "printed": the printed tests, in which ``no == get_no``
-        with equal flags counts as data. "intended": the same, but such a ring counts as empty.
+        with equal flags counts as data. "intended": the same tests, but this state counts as empty.
         "corrected": writer and reader count their bytes without returning to 0.
 
     Attributes
@@ -100,8 +100,8 @@ class Ring:
     In case a the printed reader [1]_ switches the receive interrupt off and sends; here it stops,
     and continues when the case has changed. In case c it skips a part of the ring: it moves to the
     middle if ``no`` is in the lower half, otherwise to the start, and searches for 0xCC from there.
-    If it finds none, it stops at the writer, with an empty ring; the paper does not specify this
-    case. ``no == size / 2`` counts as the upper half, which is also our choice.
+    If there is none, it stops at the writer, with an empty ring. ``no == size / 2`` counts as the
+    upper half. Both are our choice, because the paper does not specify these cases.
 
     The counters of a corrected program may have 16 bits: their difference is right as long as fewer
     than 65536 bytes are unread.
@@ -304,7 +304,7 @@ class Ring:
         """Return the byte that the repair of Fig 9 finds."""
         no = self.state.no
         half = self.size >> 1
-        # From its middle, the ring holds bytes of the previous lap, then bytes of this lap.
+        # Read from its middle, the ring holds bytes of the previous lap, then bytes of this lap.
         oldest = self.written - no + (half - self.size if no < half else 0)
         for count in range(oldest, self.written):
             if self._cells[count % self.size] == PACKET_START:

@@ -108,8 +108,9 @@ class Supervision:
 
     Notes
     -----
-    Section 4 of chung1998 prints "greater than" in both tests, but a result of 3 seconds, which is
-    correct if reaching both limits suffices, as in `intended` (claims chung1998-007 and 045).
+    Section 4 of chung1998 prints "greater than" in both tests, but also a result of 3 seconds,
+    which is correct if reaching both limits suffices, as in `intended` (claims chung1998-007 and
+    045).
 
     Examples
     --------
@@ -131,7 +132,7 @@ class Supervision:
 
     @classmethod
     def intended(cls) -> Supervision:
-        """Return the rule that the printed 3 seconds require: reaching both limits suffices."""
+        """Return the rule implied by the printed 3 seconds: reaching both limits suffices."""
         return cls(strict=False)
 
     @property
@@ -210,8 +211,8 @@ class Counter:
 class Cascade(NamedTuple):
     """The silence that BCS observes while RCS waits for a dead SS; times in seconds.
 
-    The pairs contain the shortest and the longest time, depending on the timers, in the first turn
-    of an SS that died while it was silent. `wait` is the time that RCS waits for a response,
+    Each pair contains the shortest and the longest time, depending on the timers, in the first turn
+    of an SS that died while it was not sending. `wait` is the time that RCS waits for a response,
     `silent` the time that BCS receives nothing, from its last byte to the next 0xDD, and `counted`
     the time that the counters of BCS run meanwhile. `longest` bounds the time that BCS receives
     nothing, whenever SS dies and in all later turns. `alarm` says whether BCS also declares RCS
@@ -358,7 +359,7 @@ class System:
         return 6 * (self.packet_time + self.processing)
 
     def timing(self) -> Timing:
-        """Return these times at the paper's bit rates, as a table and a figure."""
+        """Return the times of the link at the paper's bit rates, for a table and a figure."""
         return Timing(self)
 
     def signals(self) -> pd.DataFrame:
@@ -386,7 +387,7 @@ class System:
         counters reach the limit.
         """
         packet, process, rule = self.packet_time, self.processing, self.master
-        # RCS has already counted for SS since its last 0xDD.
+        # RCS has already counted since the last 0xDD from SS.
         rest = self._rest_time
         before = rest / rule.tick
         ticks = rule.n_ticks - ceil(before) - 1, rule.n_ticks - floor(before)
@@ -396,7 +397,7 @@ class System:
         first = self.idle_time - 2 * packet - 3 * process
         silent = (process + packet + wait[0] + first, process + packet + wait[1] + first)
         counted = (silent[0] + rest, silent[1] + rest)
-        # If SS dies after its last 0xDD, RCS counts from there, and later it also waits for BCS.
+        # If SS dies after its last 0xDD, RCS counts from that byte, and later also waits for BCS.
         again = rule.n_ticks * rule.tick
         anew = again + packet + 2 * process - rest
         if self.turn_timeout is not None:
