@@ -41,7 +41,7 @@ _RATES = (*BIT_RATES, 100e3 / 3, 250e3 / 3, 2e6 / 21, 100e3, 200e3, 400e3, 800e3
 _TRIED = 40_000  #: Number of edges used to compare bit rates.
 _FEWEST = 1.9  #: Minimum number of samples per bit: 2, less a margin for inaccurate clocks.
 _IDLE = 9.5  #: Minimum number of recessive bits before a start of frame: 10, less a margin.
-_EDGES, _BITS = 160, 176  #: Limits of edges and bits per frame; the longest frame has 157 bits.
+_EDGES, _BITS = 160, 176  #: Limits on edges and bits per frame; the longest frame has 157 bits.
 _JUMP = 0.2  #: Largest resynchronisation at one edge [bit].
 _PLACES = (0.0, 0.42, -0.42)  #: Positions of the start of frame that are tried within its sample.
 
@@ -51,7 +51,7 @@ _FRAMES, _FAULTS = 2**18, 1000  #: Maximum numbers of frames read and of faults 
 
 
 class _Rows(NamedTuple):
-    """Decoded frames as columns, one entry per frame; places and lengths count bits on the line."""
+    """Decoded frames as columns, one entry per frame; places and lengths in bits on the line."""
 
     error: Bytes
     place: Integers  # first wrong bit, or -1 if there is no error
@@ -391,7 +391,7 @@ def read_capture(
     correct, it is marked. Decoding again can hide a damaged bit: of 18 419 frames with one flipped
     bit, 9 were accepted at 2 samples per bit (7 of them marked), and none at 8.
 
-    CAN FD frames are faults because a reserved bit is recessive; error flags count as stuff errors.
+    CAN FD frames are faults, as a reserved bit is recessive; error flags count as stuff errors.
 
     Examples
     --------

@@ -495,7 +495,7 @@ def _read_foreign(kind: str, file: Path) -> _Found:
                 message = next(messages)
             except StopIteration:
                 break
-            # A reader may raise any exception of its parser, and cannot continue after it.
+            # A reader may raise any exception of its parser, and cannot continue after that.
             except Exception as problem:
                 found.fault(stream.line, said(problem))
                 if stream.ended:

@@ -308,7 +308,7 @@ class MessageSet(Named[Message]):
 
     @classmethod
     def parse(cls, text: str) -> MessageSet:
-        """Return the messages in a CSV text of the form that `read_messages` accepts."""
+        """Return the messages in CSV text of the form that `read_messages` accepts."""
         return _from_sheet(parse_sheet(text, "text", is_titles=_is_titles), {}, None)
 
     @property

@@ -227,7 +227,7 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
         uneven = [messages[place].name for place in mine if periods[place] % grain]
         if uneven:
             raise ArgumentError(
-                f"step is {step:g} s; the period of {uneven[0]!r} is not a multiple of it"
+                f"step is {step:g} s; the period of {uneven[0]!r} is not a multiple of the step"
             )
         slots = math.lcm(*(int(periods[place]) // grain for place in mine))
         if slots > 10**6:

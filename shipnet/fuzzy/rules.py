@@ -132,7 +132,7 @@ class RuleBase:
         return [(self[name], self[name][term]) for name, term in rule.antecedent]
 
     def top_codes(self, active: Bools, silent: npt.ArrayLike = False) -> npt.NDArray[np.object_]:
-        """Return each row's top active code; if none, ``unknown`` if `silent`, else ``normal``."""
+        """Return each row's top active code, else ``unknown`` where `silent`, else ``normal``."""
         places = [self.codes.index(code) for code in self.ranking]
         ranked = active[..., places]
         first = np.where(ranked.any(axis=-1), ranked.argmax(axis=-1), len(places))

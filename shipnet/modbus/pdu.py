@@ -1,8 +1,8 @@
 """Modbus requests, responses and the frames that carry them.
 
-A PDU is a function code and its fields, with the high byte of numbers first. An ADU is a frame: it
-adds the unit id and, on a serial line, a CRC. Sections are those of "MODBUS application protocol
-specification" V1.1b3, 2012.
+A PDU consists of a function code and its fields; numbers have their high byte first. An ADU is a
+frame: it adds the unit id and, on a serial line, a CRC. Sections are those of "MODBUS application
+protocol specification" V1.1b3, 2012.
 """
 
 from __future__ import annotations
@@ -169,8 +169,8 @@ class Request(_Framed):
     address : int
         Address of the first coil or register, 0..65535.
     quantity : int, optional
-        Number to read: 1..2000 coils or inputs, 1..125 registers. For writes, the number of
-        values.
+        Number of values to read: 1..2000 coils or inputs, 1..125 registers. For writes, their
+        number.
     coils : sequence of bool, optional
         States to write from the lowest address: 1 with code 5, 1..1968 with code 15.
     registers : sequence of int, optional

@@ -184,7 +184,7 @@ def serve(
     wire_faults : WireFault or iterable of WireFault, optional
         Faults of responses over TCP or a serial line; a response has at most one of them.
     rng : optional
-        Random generator for `wire_faults`, as `numpy.random.default_rng` accepts it.
+        Random generator or seed for `wire_faults`, as in `numpy.random.default_rng`.
 
     Returns
     -------

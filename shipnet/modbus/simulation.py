@@ -27,7 +27,7 @@ _POLL, _SWITCH, _PROBE = range(3)
 
 #: Colours of the parts of a try.
 _OUTCOME = {"request": "C0", "response": "C5", "no response": style.LIMIT["color"]}
-Try = tuple[float, int, int, int, bool]  #: Start [s], slave from 0, port, kind, answered.
+Try = tuple[float, int, int, int, bool]  #: Start [s], slave counted from 0, port, kind, answered.
 
 
 class Paths:

@@ -148,7 +148,7 @@ class Characters(NamedTuple):
     (b'\x01\x03', [0, 0])
     """
 
-    #: Edge of the start bit, as the receiver saw it [s].
+    #: Time at which the receiver detected the edge of the start bit [s].
     time: Floats
     #: The byte, even if it has an error.
     value: Bytes

@@ -34,7 +34,7 @@ _MOST_NUMBERS = PACKET_START
 #: Bytes of an item, and of the CRC.
 _ITEM, _CRC = 3, 2
 
-#: Bytes that one code byte of COBS can span; longer data would need more than one.
+#: Bytes that one code byte of COBS can span; longer data would need more code bytes.
 _SPAN = 254
 
 #: The largest byte-stuffed packet has this many items: 3 x 84 + 2 = 254 bytes.

@@ -343,8 +343,8 @@ class RingCases:
     def plot(self, ax: Axes | None = None, *, get_no: int | None = None) -> Axes:
         """Draw a map of the cases over the unread bytes and the reader's place.
 
-        With `get_no`, the place of the reader, draw the bytes that seem unread over the true
-        number.
+        With `get_no`, the place of the reader, draw the apparent number of unread bytes over the
+        true number.
         """
         from shipnet.remote_control.plot import plot_cases, plot_lead
 

@@ -58,8 +58,8 @@ def _values(name: str, values: Sequence[int]) -> list[int]:
 class Sender:
     """Chooses the values to send, and assumes that they arrive: there is no acknowledgement.
 
-    Each packet also carries `repeat` unchanged values in turn. With 0, the paper's rule, a lost
-    packet leaves the receiver with old values until they change again; with k, the values are
+    Each packet also carries `repeat` unchanged values, taken in turn. With 0, the paper's rule, a
+    lost packet leaves the receiver with old values until they change again; with k, the values are
     corrected within ``ceil(n_items / k)`` packets.
     """
 

@@ -2,7 +2,7 @@
 
 The names of stations and values are those of chung1998, sections 2 and 5. The numbers are our
 assumption, and the list may be incomplete, because the text that we have lacks the drawing of Fig.
-1. Times are for a link without bit errors in which every packet has all its items.
+1. Times apply to a link without bit errors, in which every packet contains all items.
 """
 
 from __future__ import annotations
