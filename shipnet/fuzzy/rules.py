@@ -191,7 +191,7 @@ class RuleBase:
         k: int = 1,
         n: int = 1,
     ) -> Decision:
-        """Return the decision for every sample: `fire`, then `Firing.decide`."""
+        """Return the decision for every sample, as `fire` followed by `Firing.decide`."""
         return self.fire(samples, method).decide(threshold=threshold, k=k, n=n)
 
     def overlaps(self, method: str = "crisp") -> pd.DataFrame:
@@ -270,8 +270,9 @@ class RuleBase:
         r"""Defuzzify the fault number as a controller would, to show why this is wrong.
 
         One row per sample: the ``active`` codes, the ``top`` code, the ``centroid`` z of their
-        numbers, and the code ``nearest`` to z (in a tie, the lower one). Rule i has the consequent
-        "number is i", a triangle of half-width 1/2 about i that is cut at the firing strength:
+        numbers, and the code ``nearest`` to z (in a tie, the lower number). Rule i has the
+        consequent "number is i", a triangle of half-width 1/2 about i that is cut at the firing
+        strength:
 
         .. math:: z = \frac{\sum_i w_i \left( 2 - w_i \right) i}{\sum_i w_i \left( 2 - w_i \right)}
         """
@@ -343,7 +344,7 @@ class Firing:
 
     @cached_property
     def normal(self) -> Floats:
-        """Strength of "no fault": 1 minus the greatest strength; NaN if all sensors are missing."""
+        """Strength of "no fault": 1 minus the greatest strength; NaN if no sensor has a value."""
         rest = np.asarray(1 - self.strength.max(axis=-1))
         return np.where(self.missing.all(axis=-1), np.nan, rest)
 

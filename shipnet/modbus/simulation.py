@@ -47,7 +47,7 @@ class Paths:
         self.piece = 0
 
     def hold(self, start: float, end: float, slave: int, port: int) -> bool:
-        """Return whether a path is intact from `start` to `end`; starts must not decrease."""
+        """Return whether a path is intact from `start` to `end`; `start` must never decrease."""
         while self.ends[self.piece] <= start:
             self.piece += 1
         piece = self.piece
@@ -79,7 +79,7 @@ class Master:
         return self.tries
 
     def scan(self, end: float) -> None:
-        """Poll each slave in turn, unless the end comes first."""
+        """Poll each slave in turn, until the end of the simulation at the latest."""
         begin = self.time
         for slave in range(self.n):
             if self.time >= end:
@@ -167,7 +167,7 @@ class Run:
     def events(self) -> pd.DataFrame:
         """Return one row per try: ``start_s``, ``end_s`` (when the next may begin), ``slave``, ``port``.
 
-        ``kind`` is poll, switch (the other port is asked at once) or probe (a slave that is lost or
+        ``kind`` is poll, switch (the other port is tried at once) or probe (a slave that is lost or
         served through B is tried again), and ``answered`` says whether the whole response arrived.
         """  # noqa: E501
         start, slave, port, kind, answered = self._columns

@@ -74,7 +74,7 @@ class Device(Protocol):
         ...
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        """Write all values to coils or holding registers, or none."""
+        """Write either all values to coils or holding registers, or none of them."""
         ...
 
 
@@ -102,7 +102,7 @@ class Registers:
             check_whole(f"limits[{address}][1]", high, low, 0xFFFF)
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
-        """Return values of a table, or refuse with exception 2 if one does not exist."""
+        """Return values of a table, or refuse with exception 2 if an address does not exist."""
         memory: dict[int, int] = getattr(self, table)
         try:
             return [memory[place] for place in range(address, address + quantity)]
@@ -283,7 +283,7 @@ def answer(
     Unit id 0 is a broadcast: all slaves execute a write, and none answers ("MODBUS over serial
     line" V1.02, section 2.1). If TCP slaves include 0, both 0 and 255 mean the server itself
     ("MODBUS messaging on TCP/IP" V1.0b, section 4.4.2). For a missing slave, a serial line stays
-    silent; in TCP, exception 11 reports that the target did not respond ("MODBUS application
+    silent; over TCP, exception 11 reports that the target did not respond ("MODBUS application
     protocol" V1.1b3, section 7).
     """
     unit, pdu = adu.unit_id, adu.pdu

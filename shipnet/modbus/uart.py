@@ -112,7 +112,7 @@ class SerialLine:
         return Waveform(time, level, self)
 
     def clock_tolerance(self) -> tuple[float, float]:
-        r"""Return the lowest and highest relative bit-rate error at which a sender is still read.
+        r"""Return the lowest and highest relative bit-rate error of a sender that is still read.
 
         .. math:: -\frac{1/2}{n - 1/2} < \delta < \frac{1/2}{n - 1/2}
 
@@ -164,7 +164,7 @@ class Characters(NamedTuple):
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform:
-    r"""The level of a line over time; `SerialLine.waveform` returns one.
+    r"""The level of a line over time, as returned by `SerialLine.waveform`.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ class Trial:
 
     @property
     def intact(self) -> int:
-        """Packets accepted as they were sent."""
+        """Number of packets accepted as they were sent."""
         return self.sent - self.detected - self.undetected
 
     @property

@@ -183,7 +183,7 @@ class Ring:
         return (self.written - self._reader) % (2 * self.size)
 
     def copy(self) -> Ring:
-        """Return an independent ring in the same state."""
+        """Return an independent copy of the ring."""
         other = copy(self)
         other._cells = bytearray(self._cells)
         return other
@@ -263,8 +263,8 @@ class Ring:
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the ring as a circle of cells, clockwise from the top, with writer and reader.
 
-        Cells with unread bytes are shaded, in red if others were overwritten unread. Rings of up to
-        32 cells show their bytes.
+        Cells with unread bytes are shaded, in red if other bytes were overwritten unread. Rings of
+        up to 32 cells show their bytes.
         """
         from shipnet.remote_control.plot import plot_ring
 
@@ -301,7 +301,7 @@ class Ring:
         return lost
 
     def _first_start(self) -> int:
-        """Return the byte that the repair of Fig 9 finds."""
+        """Return the index of the byte that the repair of Fig 9 finds."""
         no = self.state.no
         half = self.size >> 1
         # Read from its middle, the ring holds bytes of the previous lap, then bytes of this lap.
@@ -330,7 +330,7 @@ class RingCases:
         return np.where(same, np.where(no >= place, "b", "a"), np.where(no >= place, "c", "d"))
 
     def table(self) -> pd.DataFrame:
-        """Return how many pairs of lead and reader's place show each case, one row per lap.
+        """Return how many pairs of writer's lead and reader's place show each case, by lap.
 
         A lap has leads ``from`` .. ``to`` [byte]. A lead of exactly one lap is a full ring: nothing
         is lost yet, although the variables show case c.

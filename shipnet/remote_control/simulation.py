@@ -171,7 +171,7 @@ class Run:
         """Return the delay ``delay_s`` with which a station received each change made by others.
 
         The delay is 0 if the station still had that value, and NaN if the value changed again, or
-        the simulation ended, before the station had it.
+        the simulation ended, before it was received.
         """
         rows = []
         for change in self.changes:
@@ -526,8 +526,8 @@ def switch_delays(
     Returns
     -------
     pandas.DataFrame
-        One row per bit rate: ``bit_rate``, the number of moves ``followed``, ``mean_s`` and
-        ``longest_s`` delay, and ``bound_s``, the `System.response_time` of packets with all items.
+        One row per bit rate: ``bit_rate``, the number of moves ``followed``, the delays ``mean_s``
+        and ``longest_s``, and ``bound_s``, the `System.response_time` of packets with all items.
 
     Examples
     --------

@@ -214,8 +214,8 @@ class Cascade(NamedTuple):
     Each pair contains the shortest and the longest time, depending on the timers, in the first turn
     of an SS that died while it was not sending. `wait` is the time that RCS waits for a response,
     `silent` the time that BCS receives nothing, from its last byte to the next 0xDD, and `counted`
-    the time that the counters of BCS run meanwhile. `longest` bounds the time that BCS receives
-    nothing, whenever SS dies and in all later turns. `alarm` says whether BCS also declares RCS
+    the time that the counters of BCS run meanwhile. `longest` is an upper bound on the time that
+    BCS receives nothing in any turn, whenever SS dies. `alarm` says whether BCS also declares RCS
     failed, although RCS is alive: "certain" (in the first turn), "possible" or "never".
     """
 
@@ -306,7 +306,7 @@ class System:
 
     @property
     def idle_time(self) -> float:
-        r"""Time without reception at a healthy slave, from its last byte to the next 0xDD [s].
+        r"""Time without reception at a healthy slave, from its last sent byte to the next 0xDD [s].
 
         .. math:: T_i = 2 P + 3 t + b \, t_c
 
@@ -319,8 +319,8 @@ class System:
     def counted_time(self) -> float:
         r"""Longest time for which the counters of a healthy slave run without a 0xDD [s].
 
-        They also run while the rest of a packet arrives and is processed, but not while the slave
-        sends:
+        The counters also run while the rest of a packet arrives and is processed, but not while the
+        slave sends:
 
         .. math:: T_c = \left( P - b_l \, t_c \right) + t + T_i
 
@@ -363,7 +363,7 @@ class System:
         return Timing(self)
 
     def signals(self) -> pd.DataFrame:
-        """Return the values that cross the link: who sets them, who reads them, on which hops."""
+        """Return the values that cross the link, with their sources, readers and hops."""
         rows = [
             (
                 value.number, value.name, value.kind, ", ".join(value.sources),
@@ -472,7 +472,7 @@ class Timing:
     def table(self) -> pd.DataFrame:
         """Return one row per bit rate.
 
-        ``ticks`` is the largest number that a healthy slave counts, ``printed_margin`` and
+        ``ticks`` is the largest number that a healthy slave counts; ``printed_margin`` and
         ``intended_margin`` are the ticks left before the alarm under each rule.
         """
         limits = Supervision().n_ticks, Supervision.intended().n_ticks
