@@ -78,7 +78,7 @@ def read_messages(
     checked but not stored.
 
     A message found in a log is named after its identifier. Its period is the mean time between two
-    frames; its jitter is the range of deviations from that, including waits for the bus; its
+    frames; its jitter is the range of deviations from the mean, including waits for the bus; its
     ``dlc`` is the largest found. A message seen only once has the given `period`, or is omitted.
 
     Examples

@@ -515,7 +515,7 @@ def parse_dbc(
 
 
 def _cycle_time(given: object, period: float | None) -> float:
-    """Return the cycle time in a DBC file [s], or the period if there is none."""
+    """Return a message's cycle time in a DBC file [s], or `period` if the file gives none."""
     try:
         cycle = float(str(given or 0)) / 1e3
     except ValueError:
@@ -589,7 +589,7 @@ class _Title(NamedTuple):
 
     @classmethod
     def of(cls, title: str) -> _Title:
-        """Return the column of a lower-case title; an unknown title is used as its own column."""
+        """Return the column of a lower-case title; an unknown title becomes a column itself."""
         if title in COLUMNS:
             return cls(title)
         match = _UNIT.fullmatch(title) if len(title) < _LONGEST else None
