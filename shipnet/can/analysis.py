@@ -78,8 +78,8 @@ def read_messages(
     checked but not stored.
 
     A message found in a log is named after its identifier. Its period is the mean time between two
-    frames, its jitter the range of deviations from it, including waits for the bus, and its ``dlc``
-    the largest one found. A message seen only once has the given `period`, or is omitted.
+    frames; its jitter is the range of deviations from the mean, including waits for the bus; its
+    ``dlc`` is the largest found. A message seen only once has the given `period`, or is omitted.
 
     Examples
     --------
@@ -127,9 +127,9 @@ class Analysis:
         """Return one row per bit rate, lowest rate first, indexed by ``bit_rate_kbit_per_s``.
 
         ``load_percent`` is the bus load with the longest frames. ``late`` counts the messages that
-        may be late; ``first_late`` has the highest priority of them. ``critical`` is the message
-        with the largest ratio of response to deadline, ``critical_percent``. ``some_order`` is True
-        if some priority order meets all deadlines.
+        may be late; ``first_late`` names the one with the highest priority. ``critical`` is the
+        message with the largest ratio of response time to deadline, and ``critical_percent`` is
+        that ratio. ``some_order`` is True if some priority order meets all deadlines.
         """
         rows = []
         for rate, found in self.responses.items():
@@ -306,7 +306,7 @@ def compare(
               \text{faster if they last less than } n T (1 - \epsilon) - D
 
     where :math:`\epsilon` = 1.58 % is the largest relative error of a clock on the bus (Bosch, "CAN
-    Specification" 2.0, 1991, part B, section 9). A jitter above :math:`D` replaces it.
+    Specification" 2.0, 1991, part B, section 9). A jitter above :math:`D` replaces :math:`D`.
 
     Parameters
     ----------

@@ -55,13 +55,13 @@ def bit_timings(
         ``phs2`` and ``sjw`` in quanta, ``sample_point_percent``, ``bit_rate_bit_per_s``,
         ``error_percent``, registers ``canbt1`` to ``canbt3``, ``oscillator_tolerance_percent``
         (largest error of each clock) and ``longest_bus_m`` (limited by the propagation segment).
-        Sorted by distance from the desired sample point, smallest error, most quanta, widest jump.
+        Sorted by sample point, closest first, then by smallest error, most quanta and widest jump.
 
     Notes
     -----
     Phase segment 2 has at least two quanta and is not longer than phase segment 1, and the jump
-    width is not longer than either [1]_. With prescaler 1 the controller samples each bit once, a
-    quantum early, as in the table of [2]_; otherwise it samples three times (bit SMP).
+    width is not longer than either segment [1]_. With prescaler 1 the controller samples each bit
+    once, one quantum early, as in the table of [2]_; otherwise it samples three times (bit SMP).
 
     With N quanta per bit, two cases limit the relative error of each clock: reading an error frame,
     and ten bits between resynchronisations [3]_. The propagation segment must cover the propagation

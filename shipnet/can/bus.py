@@ -40,7 +40,7 @@ _FEW = 30  #: Smallest group of similar busy periods that is solved in one array
 
 
 class _Traffic:
-    """Frames in order of release, and the state of the bus that sends them."""
+    """Frames in order of release, and the state of the bus on which they are sent."""
 
     def __init__(self, releases: Releases) -> None:
         number = len(releases.time)
@@ -171,7 +171,7 @@ class Nodes:
         self.calm = not (self.missing or passive or max(self.rest_until) > now)
 
     def come_back(self, sequences: int, now: int) -> None:
-        """Count recessive sequences; bus-off nodes that have received enough recover."""
+        """Count recessive sequences; a bus-off node recovers after it has received enough."""
         for node in list(self.missing):
             self.missing[node] -= sequences
             if self.missing[node] <= 0:
@@ -298,9 +298,9 @@ _BLOCK = 4096  #: Number of random numbers drawn at once.
 def _chances(
     rates: list[float], bits: int, rng: np.random.Generator
 ) -> Iterator[tuple[int, list[int]]]:
-    """Yield numbers of undisturbed attempts, and the bit at which each fault hits the next attempt.
+    """Yield numbers of undisturbed attempts, each with the bits at which faults hit the next one.
 
-    Faults after the first `bits` bits of an attempt are ignored. The list may be empty.
+    Faults after the first `bits` bits of an attempt are ignored. The list of bits may be empty.
     """
     if not rates:
         yield NEVER, []
@@ -319,7 +319,7 @@ _CELLS = 40_000  #: Product of messages and sets simulated at once; the data fit
 def send_batch(
     first: Integers, period: Integers, length: Integers, horizon: int
 ) -> tuple[Integers, Integers, Integers]:
-    """Return the longest response, the sum of responses and the frames sent per message and set."""
+    """Return the longest response, the response sum and the frame count, per message and set."""
     # In ticks of their greatest common divisor, times often fit into 32 bits.
     tick = int(np.gcd.reduce(np.r_[first.ravel(), period, length, horizon]))
     parts = np.array_split(first // tick, max(1, round(first.size / _CELLS)), axis=1)

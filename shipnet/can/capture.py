@@ -1,7 +1,7 @@
 """CAN frames decoded from recorded levels or voltages of a line, including faulty frames.
 
-Only edges are processed: in each step, a receiver as in ISO 11898, with one sample as its time
-quantum, advances by one edge in all frames at once.
+Only edges are processed. The receiver follows ISO 11898, with one sample as its time quantum; each
+step advances it by one edge in all frames at once.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _RATES = (*BIT_RATES, 100e3 / 3, 250e3 / 3, 2e6 / 21, 100e3, 200e3, 400e3, 800e3
 _TRIED = 40_000  #: Number of edges used to compare bit rates.
 _FEWEST = 1.9  #: Minimum number of samples per bit: 2, less a margin for inaccurate clocks.
 _IDLE = 9.5  #: Minimum number of recessive bits before a start of frame: 10, less a margin.
-_EDGES, _BITS = 160, 176  #: Limits of edges and bits per frame; the longest frame has 157 bits.
+_EDGES, _BITS = 160, 176  #: Limits on edges and bits per frame; the longest frame has 157 bits.
 _JUMP = 0.2  #: Largest resynchronisation at one edge [bit].
 _PLACES = (0.0, 0.42, -0.42)  #: Positions of the start of frame that are tried within its sample.
 
@@ -51,7 +51,7 @@ _FRAMES, _FAULTS = 2**18, 1000  #: Maximum numbers of frames read and of faults 
 
 
 class _Rows(NamedTuple):
-    """Decoded frames as columns, one entry per frame; places and lengths count bits on the line."""
+    """Decoded frames as columns, one entry per frame; places and lengths in bits on the line."""
 
     error: Bytes
     place: Integers  # first wrong bit, or -1 if there is no error
@@ -110,7 +110,7 @@ def read_rows(line: Bytes, known: Integers) -> _Rows:
     note(FormError, extended & (bits[12] == 0), at[13])
     note(FormError, extended & (bits[33] == 1), at[33])
     note(FormError, np.where(extended, bits[34], bits[14]) == 1, np.where(extended, at[34], at[14]))
-    # Leading zeros do not change the CRC, so rows of all lengths are padded with them.
+    # Leading zeros do not change the CRC, so rows of all lengths are padded in front with zeros.
     covered = np.packbits(field(check - 104, 104), axis=0)
     received = value(field(check, CRC_BITS))
     note(CrcError, CRC.of(np.ascontiguousarray(covered.T)) != received, tail - 1)
@@ -154,11 +154,11 @@ class _Line:
         self.late = (means[1] - means[0]) / 2
 
     def receive(self, chosen: Indices, clock: float) -> tuple[Integers, Floats, Bools]:
-        """Return the bits before each edge, the misfits, and a mask of the ambiguous frames.
+        """Return the bit count before each edge, the misfits, and a mask of the ambiguous frames.
 
-        The bits have the axes edge, start and frame; each start is an assumed position of the start
-        of frame within its sample. The misfit adds up the distances of the edges from the bit
-        boundaries, less their uncertainty. In an ambiguous frame an edge is over 0.2 bit off.
+        The bit counts have the axes edge, start and frame, start being an assumed position of the
+        start of frame in its sample. The misfit sums the distances between edges and bit
+        boundaries, less the edges' uncertainty. In an ambiguous frame an edge is over 0.2 bit off.
         """
         places, count = self.edges.places, self.count[chosen]
         most, bit, half = int(count.max(initial=1)), self.bit * clock, self.edges.width / 2
@@ -298,13 +298,13 @@ class Capture:
         If a frame has a fault before the end of the CRC, its contents are left empty. ``bits``
         counts from start to end of frame, including ``stuff_bits``; ``error`` is ``ok`` or the name
         of a class in `shipnet.errors`; ``place`` is the first wrong bit, or -1 without an error.
-        ``second_reading`` marks frames that are correct only if an ambiguous edge is assigned to
-        the other bit; such a frame may hide a wrong bit.
+        ``second_reading`` marks frames that are correct only if an ambiguous edge is moved to the
+        other bit boundary; such a frame may hide a wrong bit.
         """
         return self._table.copy()
 
     def loads(self) -> pd.DataFrame:
-        """Return the bits and the bus load of the correct frames, as measured and by formula.
+        """Return the bits and the bus load of the correct frames, both measured and calculated.
 
         The rows are ``measured`` (start to end of frame), ``with intermission``, and `frame_length`
         with stuffing ``none``, ``mean`` and ``worst``.
@@ -383,15 +383,15 @@ def read_capture(
 
     Notes
     -----
-    A receiver as in ISO 11898-1, with one sample as time quantum, synchronises at the start of a
-    frame and at every edge to dominant. The position of an edge within its sample is unknown: the
-    receiver tries three positions of the start of frame and keeps the best fit. With fewer than 4
-    samples per bit, an edge may be equally close to two bit boundaries. A faulty frame with such an
-    edge is decoded again with clocks 0.15 % fast and slow; if it is then correct, it is marked.
-    This can hide a damaged bit: of 18 419 frames with one flipped bit, 9 passed at 2 samples per
-    bit (7 of them marked), and none at 8.
+    The receiver follows ISO 11898-1, with one sample as its time quantum: it synchronises at the
+    start of a frame and at every edge to dominant. The position of an edge within its sample is
+    unknown, so the receiver tries three positions of the start of frame and keeps the best fit.
+    With fewer than 4 samples per bit, an edge may be equally close to two bit boundaries. A faulty
+    frame with such an edge is decoded again with clocks 0.15 % fast and slow; if it is then
+    correct, it is marked. Decoding again can hide a damaged bit: of 18 419 frames with one flipped
+    bit, 9 were accepted at 2 samples per bit (7 of them marked), and none at 8.
 
-    CAN FD frames are faults because a reserved bit is recessive; error flags count as stuff errors.
+    CAN FD frames are faults, as a reserved bit is recessive; error flags count as stuff errors.
 
     Examples
     --------

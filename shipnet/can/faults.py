@@ -15,8 +15,8 @@ from shipnet.fields import number, record, whole
 __all__ = ["ERROR_BITS", "BitErrors", "ErrorAt", "ErrorBound"]
 
 #: Published costs of an error in addition to the retransmission [bit], for `ErrorBound.bits`. Here
-#: a frame includes its intermission; Broster et al. exclude it and count 29 bits per error.
-#: ``least`` is the sum of two error flags of 6 bits and a delimiter of 8 bits.
+#: a frame includes its intermission; Broster et al. exclude the intermission and count 29 bits per
+#: error. ``least`` is the sum of two error flags of 6 bits and a delimiter of 8 bits.
 ERROR_BITS: Mapping[str, int] = MappingProxyType(
     {"Tindell 1995": 31, "Davis 2007": 31, "Broster 2002": 26, "least": 20}
 )
@@ -26,7 +26,7 @@ ERROR_BITS: Mapping[str, int] = MappingProxyType(
 class BitErrors(Fault):
     """Random, independent bit errors while the fault lasts, for simulations.
 
-    All nodes detect the error; the frame is destroyed at its first wrong bit and sent again.
+    All nodes detect each error; the frame is destroyed at its first wrong bit and sent again.
 
     Examples
     --------

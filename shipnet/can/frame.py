@@ -316,10 +316,10 @@ def decode(bits: str) -> Frame:
 
     Notes
     -----
-    A receiver ignores the last bit of the end of frame; a dominant one signals overload (Bosch,
-    "CAN Specification" 2.0, 1991, part B, section 5). The specification lets receivers accept
-    either value of a reserved bit. Here a recessive one is a `FormError`, because on today's buses
-    it marks CAN FD.
+    A receiver ignores the last bit of the end of frame; a dominant last bit signals overload
+    (Bosch, "CAN Specification" 2.0, 1991, part B, section 5). The specification lets receivers
+    accept either value of a reserved bit. Here a recessive reserved bit is a `FormError`, because
+    on today's buses it marks a CAN FD frame.
 
     Examples
     --------
@@ -419,8 +419,8 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
 
     Notes
     -----
-    Every node is assumed to read the same level within the bit time, as on a short bus; Bosch, "CAN
-    Specification" 2.0, 1991, section 1.
+    Every node is assumed to read the same level within the bit time, as on a short bus (Bosch, "CAN
+    Specification" 2.0, 1991, section 1).
 
     Examples
     --------
@@ -454,6 +454,6 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
 
 
 def _end(frame: Frame) -> int:
-    """Return the number of bits, with stuff bits, up to the last that can decide the outcome."""
+    """Return the number of bits, with stuff bits, up to the last one that can be decisive."""
     last = "RTR" if frame.extended else "IDE"
     return 1 + next(field.line_start for field in frame.fields if field.name == last)

@@ -95,9 +95,9 @@ def frame_length(
     Notes
     -----
     In the bound of Davis et al. (2007), a run of equal bits may begin with a stuff bit. Tindell and
-    Burns (1994) overlooked this and divided by 5; `response_times` has the references. No frame
-    reaches the bound, because its reserved bits and CRC are not free: the longest standard frame
-    has 133 bits. Real data are not random: eight zero bytes get 15 stuff bits, not the mean of 3.3.
+    Burns (1994) overlooked this and divided by 5 instead of 4; see `response_times`. No frame
+    reaches the bound, because reserved bits and CRC are not free: the longest standard frame has
+    133 bits. Real data are not random: eight zero bytes get 15 stuff bits, not the mean of 3.3.
 
     Examples
     --------

@@ -31,7 +31,7 @@ _KINDS = {
 def impossible(
     time: float, number: int, extended: bool, dlc: int, remote: bool = False, size: int = -1
 ) -> str:
-    """Return why classic CAN does not allow a frame, or ""; `size` is its number of data bytes."""
+    """Return why a frame is illegal in classic CAN, or ""; `size` is its number of data bytes."""
     highest = highest_id(extended)
     if not 0 <= number <= highest:
         return f"the identifier is {number:#x}; it must be 0..{highest:#x}"
@@ -254,7 +254,7 @@ class LogLoad:
 
 
 def _sliding(time: Floats, bits: Floats, window: float) -> Floats:
-    """Return, for each frame, the number of bits in the window that ends with it."""
+    """Return, for each frame, the number of bits in the window that ends with that frame."""
     summed = np.concatenate([[0.0], np.cumsum(bits)])
     # Time stamps are in microseconds; the margin excludes a frame exactly one window earlier.
     first = np.searchsorted(time, time - window + 1e-7, side="left")

@@ -1,7 +1,7 @@
 """Readers of CAN logs: candump, CSV, ASC, BLF and TRC, recognised by content.
 
-All readers return rows, which `_Found.add` checks. ASC and TRC files are read by python-can, but
-BLF files are not, because its BLF reader may never finish on a damaged file.
+All readers return rows, which `_Found.add` checks. ASC and TRC files are read by python-can; BLF
+files are read here, because python-can's BLF reader may never finish on a damaged file.
 """
 
 from __future__ import annotations
@@ -495,7 +495,7 @@ def _read_foreign(kind: str, file: Path) -> _Found:
                 message = next(messages)
             except StopIteration:
                 break
-            # A reader may raise any exception of its parser, and cannot continue after it.
+            # A reader may raise any exception of its parser, and cannot continue after that.
             except Exception as problem:
                 found.fault(stream.line, said(problem))
                 if stream.ended:

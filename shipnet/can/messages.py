@@ -1,7 +1,7 @@
 """Messages of a bus: their priorities, load and files.
 
 A file has the columns `COLUMNS` in any order; columns titled `note` are ignored. Identifiers are
-decimal, or hexadecimal after 0x. Other common titles such as ``CAN-ID (hex)`` are recognised.
+decimal, or hexadecimal with 0x. Other common titles such as ``CAN-ID (hex)`` are recognised.
 """
 
 from __future__ import annotations
@@ -277,7 +277,7 @@ class MessageSet(Named[Message]):
         """Return the messages in a new priority order, given as a sequence of all names.
 
         The identifiers of the set are reassigned in this order. If the set has both 11-bit and
-        29-bit identifiers, it gets new ones, whose first 11 bits count up from 0.
+        29-bit identifiers, all messages get new identifiers, whose first 11 bits count up from 0.
         """
         order = list(names)
         if sorted(order) != sorted(self.names):
@@ -308,7 +308,7 @@ class MessageSet(Named[Message]):
 
     @classmethod
     def parse(cls, text: str) -> MessageSet:
-        """Return the messages in a CSV text of the form that `read_messages` accepts."""
+        """Return the messages in CSV text of the form that `read_messages` accepts."""
         return _from_sheet(parse_sheet(text, "text", is_titles=_is_titles), {}, None)
 
     @property
@@ -336,7 +336,7 @@ class MessageSet(Named[Message]):
 
 
 def counted(names: Sequence[str]) -> str:
-    """Return a text with the number of messages and the first three names."""
+    """Return the number of messages and the first three names as one string."""
     some = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
     return f"{len(names)} message{'s' if len(names) != 1 else ''}{': ' if some else ''}{some}"
 
@@ -391,9 +391,9 @@ def message_lengths(messages: MessageSet, stuffing: Stuffing = "worst") -> Float
 
 
 def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[Indices, int]:
-    """Return the first bit of each point in a station's data, and the number of bytes.
+    """Return the position of each point's first bit in a station's data, and the number of bytes.
 
-    Analogue values come first, `bits` each and padded to a whole byte, then one bit per state.
+    Analogue values (`bits` bits each) come first, padded to a whole byte, then one bit per state.
     """
     analogue = np.asarray(analogue, dtype=bool)
     values, states = np.cumsum(analogue) - 1, np.cumsum(~analogue) - 1
@@ -515,7 +515,7 @@ def parse_dbc(
 
 
 def _cycle_time(given: object, period: float | None) -> float:
-    """Return the cycle time in a DBC file [s], or the period if there is none."""
+    """Return a message's cycle time in a DBC file [s], or `period` if the file gives none."""
     try:
         cycle = float(str(given or 0)) / 1e3
     except ValueError:
@@ -589,7 +589,7 @@ class _Title(NamedTuple):
 
     @classmethod
     def of(cls, title: str) -> _Title:
-        """Return the column of a lower-case title; an unknown title is used as its own column."""
+        """Return the column of a lower-case title; an unknown title becomes a column itself."""
         if title in COLUMNS:
             return cls(title)
         match = _UNIT.fullmatch(title) if len(title) < _LONGEST else None

@@ -34,7 +34,7 @@ class Streams(NamedTuple):
     jitter: Integers
     offset: Integers
     clock: Integers
-    #: Longest time after the bus is free at which a higher-priority message can still win.
+    #: Longest time after the bus becomes free within which a higher-priority message can still win.
     tau: int
 
 
@@ -93,12 +93,12 @@ class _Clock:
         self._gone = np.r_[0, np.cumsum(frame[which[late]])]
 
     def before(self, time: Integers) -> Integers:
-        """Return the work that is released before a time whatever the jitter."""
+        """Return the work that is released before a time regardless of jitter."""
         gone: Integers = self._gone[np.searchsorted(self.latest, time)]
         return gone
 
     def curve(self, span: int) -> tuple[Integers, Integers]:
-        """Return the lengths at which the largest work of a closed window grows, and the growth."""
+        """Return the window lengths at which the largest work in a window grows, and the growth."""
         begin = np.unique(self.latest[(self.latest >= 0) & (self.latest < self.hyperperiod)])
         first = np.searchsorted(self.event, begin, side="right") - 1
         count = np.searchsorted(self.event, begin + span, side="right") - first
@@ -131,19 +131,19 @@ def _within(streams: Streams, span: int) -> list[int] | None:
         higher = members.get(clock, [])
         blocking = int(streams.frame[m + 1 :].max(initial=0))
         own = _Clock(streams, [*higher, m], span)
-        # `above` must cover the hyperperiod of `own`, which also includes this message.
+        # Because `own` also includes this message, `above` must cover the hyperperiod of `own`.
         above = _Clock(streams, higher, span + jitter, own.hyperperiod) if higher else None
         others = [curve for number, curve in curves.items() if number != clock]
         curves[clock] = own.curve(span)
 
-        # The longest busy period, with all clocks at their worst phase, including the message's.
+        # The longest busy period, with all clocks, even the message's own, at their worst phase.
         length, work = _staircase([curves[clock], *others])
         ends = np.flatnonzero(blocking + work <= np.r_[np.where(length > 0, length, -1), span + 1])
         if not ends.size:
             return None
         busy = int(blocking + work[ends[0]])
 
-        # Pairs of an instance and a possible start of its busy period, which is a latest release.
+        # Pairs of an instance and a possible start (a latest release) of its busy period.
         mine = own.event[own.message == m]
         instance = mine[(mine >= 0) & (mine < own.hyperperiod)]
         begins = np.unique(own.latest)
@@ -184,7 +184,7 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
         The messages. A message without a sender keeps its offset.
     step : float, default 1e-3
         Resolution of the offsets, 1e-6..1 [s], such as the cycle time of the senders' task. The
-        period of each message with a sender must be a multiple of it.
+        period of each message with a sender must be a multiple of `step`.
 
     Returns
     -------
@@ -199,9 +199,9 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
 
     Notes
     -----
-    The method is a heuristic: for each sender, starting with the shortest period, each message gets
-    the offset around which the sender is least busy. `response_times` with ``offsets=True`` shows
-    the gain, which is largest for senders with many messages.
+    The method is a heuristic: the messages of each sender are taken in order of period, shortest
+    first, and each gets the offset around which the sender is least busy. `response_times` with
+    ``offsets=True`` shows the gain, which is largest for senders with many messages.
 
     Examples
     --------
@@ -227,7 +227,7 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
         uneven = [messages[place].name for place in mine if periods[place] % grain]
         if uneven:
             raise ArgumentError(
-                f"step is {step:g} s; the period of {uneven[0]!r} is not a multiple of it"
+                f"step is {step:g} s; the period of {uneven[0]!r} is not a multiple of the step"
             )
         slots = math.lcm(*(int(periods[place]) // grain for place in mine))
         if slots > 10**6:

@@ -79,7 +79,7 @@ def plot_fields(
 
 
 def _outline(ax: Axes, name: str, start: int, length: int, width: int) -> None:
-    """Draw a frame around each piece of a field, and label the longest piece."""
+    """Draw an outline around each piece of a field, and label the longest piece."""
     pieces = []
     place = start
     while place < start + length:

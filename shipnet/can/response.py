@@ -1,7 +1,7 @@
 """Worst-case response times of CAN messages, and a priority order that meets all deadlines.
 
-Times are whole numbers of ticks, which divide the nanosecond and the bit time, because a rounding
-error in a ceiling function could add a whole frame.
+Times are whole numbers of ticks, because a rounding error in a ceiling function could add a whole
+frame. The nanosecond and the bit time are both multiples of a tick.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class Level:
         self.period, self.frame, self.jitter = streams[message]
         self.blocking = max((streams[k][1] for k in lower), default=0)
         self._reported = bus.reported(message)
-        # A higher-priority message wins if it is queued up to one bit time after the bus is free.
+        # A higher-priority message wins if queued up to one bit time after the bus becomes free.
         self._tau = bus.bit
         self._higher = [streams[k] for k in higher]
         self._equal = [*self._higher, streams[message]]
@@ -132,7 +132,7 @@ class Level:
 
     @cached_property
     def busy_period(self) -> float:
-        """Longest time that this or higher priorities keep the bus busy; may be infinite."""
+        """Longest time for which this and higher priorities keep the bus busy; may be infinite."""
         if not _ends(self._constant, self._equal):
             return math.inf
         # A busy period lasts at least until all messages queued at its start are sent.
@@ -140,7 +140,7 @@ class Level:
         return busy if busy <= _MOST_STEPS * self.period - self.jitter else math.inf
 
     def responses(self) -> Iterator[float]:
-        """Yield the longest response of each instance in a busy period; infinity if endless."""
+        """Yield each instance's longest response; infinity if the busy period never ends."""
         if self.busy_period == math.inf:
             yield math.inf
             return
@@ -248,8 +248,8 @@ class ResponseTime(NamedTuple):
     """The longest response time of a `message`, and its parts [s].
 
     `blocking` is the time of the longest frame that may already be on the bus. `busy_period` is the
-    longest time that messages of this or higher priority keep the bus busy, including blocking;
-    infinite if endless, NaN with offsets. `instances` contains the longest response of each
+    longest time for which messages of this or higher priority keep the bus busy, blocking included:
+    infinite if it never ends, NaN with offsets. `instances` contains the longest response of each
     instance in the busy period. `met` is True if `response`, their maximum, meets the deadline.
 
     Examples
@@ -399,28 +399,28 @@ def response_times(
     faults : ErrorBound, optional
         Bound on the number of errors on the bus; no errors by default.
     offsets : bool, default False
-        True if messages of one sender share a clock, so that their offsets count. Each message must
-        then be strictly periodic apart from its jitter, and the sender must never restart its
+        True if the messages of each sender share a clock, so that their offsets count. Each message
+        must then be strictly periodic apart from its jitter, and the sender must never restart its
         clock. Requires `Assumptions.own_jitter`, and no `faults`.
 
     Returns
     -------
     ResponseTimes
-        One `ResponseTime` per message; the response is infinite if it has no bound.
+        One `ResponseTime` per message; a response without a bound is infinite.
 
     Notes
     -----
     The method is from [1]_, with a tau of one bit time. Older analyses [2]_ examine only the first
     instance in a busy period, so their bounds may be too low. Times are rounded once, to whole
     ticks. A load within about 1e-4 of 1 counts as an overload if a busy period has more than 200000
-    iterations or instances. Every node must send its message of highest priority first, and the
+    iterations or instances. Every node must send its highest-priority message first, and the
     instances of a message in order.
 
-    With `offsets`, only the sender's own clock is examined instance by instance; every other sender
-    is assumed at its worst phase. The bound is safe. It equals the bound without offsets if each
-    message has its own sender, at loads of 0.99 and more, or if more than a million frames of a
-    sender would have to be examined. If offsets count, `ResponseTime.instances` contains only the
-    longest response, and the busy period is NaN.
+    With `offsets`, only the clock of the message's own sender is examined instance by instance;
+    every other sender is assumed to be at its worst phase. The bound is safe. It equals the bound
+    without offsets if each message has its own sender, at loads of 0.99 and more, or if more than a
+    million frames of a sender would have to be examined. If offsets count, `ResponseTime.instances`
+    contains only the longest response, and the busy period is NaN.
 
     References
     ----------
@@ -506,7 +506,7 @@ def _solve(bus: Bus, place: int, errors: ErrorBound) -> _Solved:
 class Assignment(NamedTuple):
     """Messages in a priority order, which is `feasible` if it meets all deadlines.
 
-    `unplaced` names messages that all miss their deadlines at the lowest priority still free.
+    `unplaced` names the messages left when none met its deadline at the lowest free priority.
     """
 
     messages: MessageSet

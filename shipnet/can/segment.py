@@ -149,11 +149,11 @@ class Segment:
 class Signals:
     """Voltages on a line and the bits read from them, as returned by `Segment.send`.
 
-    `t` are the times [s], `sample_times` the sampling instants [s], and `sent` the wired AND of the
-    bits sent. `v` (differential voltages [V]), `samples` (voltages at the sampling instants [V])
-    and `bits` have one row per point of the network. A bit is 0 (dominant), 1 (recessive) or -1 if
-    a receiver may read either. `points` names the rows: b1, b2, ... on the trunk and s1, s2, ... at
-    the ends of stubs.
+    `t` contains the times [s], `sample_times` the sampling instants [s], and `sent` the wired AND
+    of the bits sent. `v` (differential voltages [V]), `samples` (voltages at the sampling instants
+    [V]) and `bits` have one row per point of the network. A bit is 0 (dominant), 1 (recessive) or
+    -1 if a receiver may read either. `points` names the rows: b1, b2, ... on the trunk and s1,
+    s2, ... at the ends of stubs.
 
     Examples
     --------

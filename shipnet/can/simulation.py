@@ -23,7 +23,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar
 from shipnet.lazy import Axes, pd
 
-#: Maximum number of frames that a run may release; they take several gigabytes of memory.
+#: Maximum number of frames that a run may release; such a run takes several gigabytes of memory.
 MOST_FRAMES = 20_000_000
 
 
@@ -164,7 +164,7 @@ def simulate(
     faults : BitErrors, ErrorAt or iterable of them, optional
         Bit errors on the bus; none by default.
     rng : int, numpy.random.Generator or None, optional
-        Random generator for jitter and `BitErrors`, as `numpy.random.default_rng` accepts it.
+        Random generator or seed for jitter and `BitErrors`, as in `numpy.random.default_rng`.
 
     Returns
     -------
@@ -175,11 +175,11 @@ def simulate(
     -----
     A frame ends with its 3 bits of intermission, as in response-time analysis. Jitter delays each
     release by a uniformly random time, but frames of one message stay in order. All nodes detect an
-    error at the same time; it destroys the frame, and the sender sends it again. An error-passive
-    node waits for 8 more bits after its own frames. A node whose counter reaches 256 is bus off
-    until it has received 128 sequences of 11 recessive bits (Bosch, "CAN specification 2.0", 1991,
-    part B, sections 3.2.5 and 8). Errors in error frames, overload frames and missing
-    acknowledgements are not modelled.
+    error at the same time; the error destroys the frame, which is sent again. An error-passive node
+    waits for 8 more bits after its own frames. A node whose counter reaches 256 is bus off until it
+    has received 128 sequences of 11 recessive bits (Bosch, "CAN specification 2.0", 1991, part B,
+    sections 3.2.5 and 8). Errors in error frames, overload frames and missing acknowledgements are
+    not modelled.
 
     A simulation need not contain the worst case; `response_times` returns a bound on it.
 

@@ -101,7 +101,7 @@ def compare(
 
 
 def persistent(fires: Bools, k: int, n: int) -> Bools:
-    """Return where a rule fired in `k` or more of the last `n` rows; no rule fires before row 0."""
+    """Return where a rule fired in at least `k` of the last `n` rows; none fires before row 0."""
     window = check_whole("n", n, 1, 10**6)
     least = check_whole("k", k, 1, window)
     if window == 1:
@@ -149,7 +149,7 @@ def control_system(variables: Sequence[Variable], rules: Sequence[Rule]) -> Any:
             universe = np.union1d(grid, corners[within])
             antecedents[variable.name] = control.Antecedent(universe, variable.name)
             for term in variable.terms:
-                # trapmf has no open shoulder; a corner outside the universe is equivalent.
+                # trapmf has no open shoulders; a corner outside the universe has the same effect.
                 corners = np.clip(term.corners, universe[0] - 1, universe[-1] + 1)
                 antecedents[variable.name][term.name] = trapmf(universe, corners)
     made = []

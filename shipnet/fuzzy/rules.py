@@ -132,7 +132,7 @@ class RuleBase:
         return [(self[name], self[name][term]) for name, term in rule.antecedent]
 
     def top_codes(self, active: Bools, silent: npt.ArrayLike = False) -> npt.NDArray[np.object_]:
-        """Return each row's top active code; if none, ``unknown`` if `silent`, else ``normal``."""
+        """Return each row's top active code, else ``unknown`` where `silent`, else ``normal``."""
         places = [self.codes.index(code) for code in self.ranking]
         ranked = active[..., places]
         first = np.where(ranked.any(axis=-1), ranked.argmax(axis=-1), len(places))
@@ -191,7 +191,7 @@ class RuleBase:
         k: int = 1,
         n: int = 1,
     ) -> Decision:
-        """Return the decision for every sample: `fire`, then `Firing.decide`."""
+        """Return the decision for every sample, as `fire` followed by `Firing.decide`."""
         return self.fire(samples, method).decide(threshold=threshold, k=k, n=n)
 
     def overlaps(self, method: str = "crisp") -> pd.DataFrame:
@@ -212,7 +212,7 @@ class RuleBase:
         return pd.DataFrame(rows, columns=["a", "b", "relation"])
 
     def plot_overlaps(self, ax: Axes | None = None) -> Axes:
-        """Draw in what percentage of the regions of a row's rule the column's rule also fires."""
+        """Draw how often each column's rule also fires, in % of the regions of each row's rule."""
         ax = style.axes(ax)
         count = self._overlap_counts("crisp").astype(float)
         alone = np.diag(count)[:, None]
@@ -270,8 +270,9 @@ class RuleBase:
         r"""Defuzzify the fault number as a controller would, to show why this is wrong.
 
         One row per sample: the ``active`` codes, the ``top`` code, the ``centroid`` z of their
-        numbers, and the code ``nearest`` to z, the lower one in a tie. Rule i has the consequent
-        "number is i", a triangle of half-width 1/2 about i that is cut at the firing strength:
+        numbers, and the code ``nearest`` to z (in a tie, the lower number). Rule i has the
+        consequent "number is i", a triangle of half-width 1/2 about i that is cut at the firing
+        strength:
 
         .. math:: z = \frac{\sum_i w_i \left( 2 - w_i \right) i}{\sum_i w_i \left( 2 - w_i \right)}
         """
@@ -343,7 +344,7 @@ class Firing:
 
     @cached_property
     def normal(self) -> Floats:
-        """Strength of "no fault": 1 minus the greatest strength; NaN if all sensors are missing."""
+        """Strength of "no fault": 1 minus the greatest strength; NaN if no sensor has a value."""
         rest = np.asarray(1 - self.strength.max(axis=-1))
         return np.where(self.missing.all(axis=-1), np.nan, rest)
 
@@ -438,7 +439,7 @@ class Decision:
     def table(self) -> pd.DataFrame:
         """Return one row per sample: ``top``, its ``strength``, ``active`` codes and bad sensors.
 
-        ``missing`` names the sensors without a value, ``clipped`` the sensors outside their
+        ``missing`` names the sensors without a value, ``clipped`` those with values outside their
         universe.
         """
         if self.active.ndim > 2:
@@ -506,7 +507,7 @@ class Decision:
 
 
 def draw_matrix(ax: Axes, values: Floats, written: Callable[[int, int, float], str]) -> None:
-    """Draw values from 0 to 1 as a map, with text in the cells above 0 if there is room."""
+    """Draw values from 0 to 1 as a map, with text in the nonzero cells if there is room."""
     rows, columns = values.shape
     ax.imshow(values, cmap="Blues", vmin=0, vmax=1, aspect="auto", interpolation="nearest")
     ax.grid(visible=False)

@@ -369,5 +369,5 @@ def check_word(what: str, text: str) -> str:
 
 
 def _number_text(value: float) -> str:
-    """Return a number with just enough digits to distinguish it from all other numbers."""
+    """Return the shortest text that identifies a number, without a trailing ".0"."""
     return repr(float(value)).removesuffix(".0")

@@ -50,7 +50,7 @@ INTERFACES = {
 
 @checked
 def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
-    r"""Return which serial interfaces fit a master with its slaves, and why others do not.
+    r"""Return which serial interfaces fit a master with its slaves, and why the others do not.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
 
     Every slave must answer, so a line has as many drivers as stations. RS-232 and RS-422 allow one
     per direction, enough for two stations. The 31 addresses that lee2012 (section III.2.a) takes
-    from RS-485 are 32 unit loads minus the master; receivers of 1/8 unit load allow 255.
+    from RS-485 are 32 unit loads less one for the master; with 1/8 unit load, 255 are allowed.
 
     Examples
     --------

@@ -32,7 +32,7 @@ class Break(Fault):
 
 @record
 class Short(Fault):
-    """The conductors of a section touch; without isolators, everything connected to it is silent.
+    """The conductors of a section touch; without isolators, all that is connected to it is silent.
 
     Sections are numbered as for `Break`.
 

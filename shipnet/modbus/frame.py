@@ -1,4 +1,4 @@
-"""The bytes around a PDU, called ADU in the standard: RTU on a serial line, and TCP."""
+"""Frames around a PDU, called ADUs in the standard: RTU on a serial line, and TCP."""
 
 from __future__ import annotations
 

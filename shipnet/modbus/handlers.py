@@ -20,7 +20,7 @@ from shipnet.modbus.wire import Wire
 
 Respond = Callable[[Adu], Answer]
 
-_QUOTA = 4  #: Number of requests of one client answered before the others have their turn.
+_QUOTA = 4  #: Number of requests of a client that are answered before others have their turn.
 _READ = 4096  #: Bytes read from a client at once; no more are read until these are answered.
 
 #: Maximum numbers of delayed responses to one client, and to all senders of datagrams; beyond them,
@@ -58,7 +58,7 @@ class Listener:
 
 
 class _Handler:
-    """Base class for the requests of a connection, a serial port, or all senders of datagrams."""
+    """Base class of handlers of requests from a connection, a serial port or datagram senders."""
 
     transport: Any = None
 
@@ -222,7 +222,7 @@ class _UdpHandler(_Handler, DatagramProtocol):
 
 
 class _RtuHandler(_Handler, Protocol):
-    """A serial port: bytes with a correct CRC form a frame; a silence discards all others."""
+    """A serial port: bytes with a correct CRC form a frame; after a silence, others are dropped."""
 
     unsent = 4
 

@@ -1,8 +1,8 @@
 """Modbus requests, responses and the frames that carry them.
 
-A PDU is a function code and its fields, with the high byte of numbers first. An ADU is a frame: it
-adds the unit id and, on a serial line, a CRC. Sections are those of "MODBUS application protocol
-specification" V1.1b3, 2012.
+A PDU consists of a function code and its fields; numbers have their high byte first. An ADU is a
+frame: it adds the unit id and, on a serial line, a CRC. Sections are those of "MODBUS application
+protocol specification" V1.1b3, 2012.
 """
 
 from __future__ import annotations
@@ -169,8 +169,8 @@ class Request(_Framed):
     address : int
         Address of the first coil or register, 0..65535.
     quantity : int, optional
-        Number to read: 1..2000 coils or inputs, 1..125 registers. For writes, the number of
-        values.
+        Number of values to read: 1..2000 coils or inputs, 1..125 registers. For writes, their
+        number.
     coils : sequence of bool, optional
         States to write from the lowest address: 1 with code 5, 1..1968 with code 15.
     registers : sequence of int, optional
@@ -407,7 +407,7 @@ class Response(_Framed):
 
 
 def _named(code: int, values: tuple[Any, ...]) -> dict[str, Any]:
-    """Return values as the keyword argument for the function code: coils or registers."""
+    """Return values as a keyword argument: coils or registers, depending on the function code."""
     return {"coils" if code in _COILS else "registers": values}
 
 
@@ -464,7 +464,7 @@ def _opened(pdu: bytes, kind: str) -> bytes:
 
 
 def _read(data: bytes, layouts: dict[int, tuple[str, ...]]) -> tuple[tuple[int, ...], bytes]:
-    """Return the numbers after the function code, and the bytes that a byte count announces."""
+    """Return the 16-bit fields after the function code, and the bytes after any byte count."""
     if data[0] > 0x80 and layouts is _RESPONSES:
         if len(data) != 2:
             raise LengthError(f"the exception has {len(data)} bytes; it must have 2")
@@ -558,7 +558,7 @@ class Adu:
         return Request.parse(self.pdu)
 
     def response(self, request: Request | None = None) -> Response:
-        """Return the response in the PDU, compared with the request if it is given."""
+        """Return the response in the PDU, checked against the request if one is given."""
         return Response.parse(self.pdu, request)
 
     def table(self) -> pd.DataFrame:

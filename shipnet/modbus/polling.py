@@ -31,7 +31,7 @@ class Poll:
 
     Examples
     --------
-    Read four input registers of each of 247 slaves at 9600 bit/s, without and with a dead slave:
+    Read four input registers from each of 247 slaves at 9600 bit/s, without and with a dead slave:
 
     >>> poll = Poll(Request.read_input_registers(0, 4), SerialLine(9600))
     >>> round(poll.time * 1e3, 2), round(poll.scan_time(247), 2)
@@ -44,7 +44,7 @@ class Poll:
     line: SerialLine = part(SerialLine, "Settings of the line")
     processing: float = number(
         0, 3600, "s",
-        "Total time that the slave and then the master take, besides the silences", default=0.0,
+        "Processing times of slave and master together, in addition to the silences", default=0.0,
     )  # fmt: skip
     timeout: float = number(
         0, 3600, "s", "Response time-out: how long the master waits, from the end of its request, "
@@ -121,7 +121,7 @@ def _most(polls: Sequence[Poll], period: float, dead: int) -> int:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scan:
-    """One round of a master through all its slaves; `scan` returns it.
+    """One round of a master through all its slaves, as returned by `scan`.
 
     Each of `n_slaves`, of which `dead` do not answer, gets the requests of `polls`; `limit` is the
     longest time allowed [s], or None.
@@ -187,9 +187,9 @@ class Scan:
         return f"{said}, {'at most' if self.ok else 'more than'} {self.limit:g} s"
 
     def table(self) -> pd.DataFrame:
-        """Return a row for each common bit rate and for that of the scan, indexed by ``bit_rate``.
+        """Return one row per common bit rate and one for the scan's own, indexed by ``bit_rate``.
 
-        The columns contain `time`, `slave_time`, `dead_time` and `bus_time`, with a limit also
+        The columns include `time`, `slave_time`, `dead_time`, `bus_time` and, with a limit,
         ``max_slaves`` and ``met``. Bit rates at which a response exceeds the time-out are left out.
         """
         rows = {}

@@ -41,8 +41,8 @@ def line_faults(faults: Faults) -> tuple[Fault, ...]:
 class Reach:
     """The slaves that each port of a master reaches.
 
-    They are 1 to `last_a` through port A, and `first_b` to `n_slaves` through port B, without those
-    that are `dead`.
+    Port A reaches slaves 1 to `last_a`, and port B slaves `first_b` to `n_slaves`, in both cases
+    without the `dead` ones.
     """
 
     n_slaves: int
@@ -100,10 +100,10 @@ class Loop:
 
     .. math:: t = s T + m (G + T) + 2 l G, \qquad t = (s + m) T + G + 2 l G
 
-    if each slave is moved by itself (left), or those downstream are moved with it (right). The
-    latter is one G longer for all moved slaves but the last, and one G shorter if none is moved. On
-    an open line a lost slave costs G instead of 2 G. The worst moment for a fault is the end of the
-    slave's response; each of these gaps can occur.
+    if each slave is moved by itself (left), or those downstream are moved with it (right). In the
+    second case the gap is one G longer for all moved slaves but the last, and one G shorter if no
+    slave is moved. On an open line a lost slave costs G instead of 2 G. The worst moment for a
+    fault is the end of the slave's response; each of these gaps can occur.
 
     Examples
     --------
@@ -238,7 +238,7 @@ class Loop:
     def _gaps(
         self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
     ) -> tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]:
-        """Return the longest gap [s] of a slave that stays, one that moves and the last to move."""
+        """Return the longest gap [s] of a staying slave, a moving one, and the last one to move."""
         s, m, lo = (np.asarray(count, dtype=np.float64) for count in (stay, moved, lost))
         silent = self.poll.timeout_time
         gap = (s + m) * self.poll.time + (1 + self.closed) * lo * silent

@@ -26,7 +26,7 @@ Transport = Literal["tcp", "udp", "rtu"]
 
 _DEFAULT_LINE = SerialLine(9600)
 
-#: Causes by the system's error number when a port is opened.
+#: Reasons why a port cannot be opened, by the system's error number.
 _NETWORK_CAUSES = {
     errno.EADDRINUSE: "port in use; port 0 selects a free one",
     errno.EACCES: "not permitted; ports below 1024 may require administrator rights",
@@ -50,7 +50,7 @@ def real_clock(speed: float = 1.0) -> Clock:
 
 
 class Server:
-    """A server that listens inside its ``with`` block; `serve` returns it.
+    """A server that listens inside its ``with`` block, as returned by `serve`.
 
     `slaves` contains the slaves by unit id and may be changed while the server listens; `port` is
     the TCP or UDP port in use, 0 on a serial line or when not listening.
@@ -132,7 +132,7 @@ class Server:
 
 
 def _cause(problem: BaseException, listener: Listener) -> str:
-    """Return why the server cannot listen; pyserial hides the system's error number in its text."""
+    """Return why the server cannot listen; pyserial reports the system's error only as text."""
     if isinstance(problem, gaierror | UnicodeError):
         return "unknown host"
     causes, character = _NETWORK_CAUSES, ""
@@ -165,8 +165,8 @@ def serve(
         Devices by unit id, 1..247; over TCP and UDP also 0, the server itself. A bare device
         becomes a `Slave`.
     transport : {"tcp", "udp", "rtu"}, default "tcp"
-        Modbus/TCP; the same frames in datagrams, which no standard defines but kim2014 uses; or
-        RTU.
+        ``tcp`` is Modbus/TCP; ``udp`` sends the same frames in datagrams, which no standard defines
+        but kim2014 uses; ``rtu`` is RTU on a serial line.
     host : str, default "127.0.0.1"
         Address to listen on; by default only this machine can connect.
     port : int, default 0
@@ -174,8 +174,8 @@ def serve(
     serial_port : str, optional
         Serial port for RTU, such as ``"/dev/ttyUSB0"``.
     line : SerialLine, default 9600 bit/s and 8E1
-        Settings of that port; responses are sent after t3.5. A Linux pseudo-terminal has no parity:
-        use ``SerialLine(9600, "8N1")``.
+        Settings of the serial port; responses are sent after t3.5. A Linux pseudo-terminal has no
+        parity: use ``SerialLine(9600, "8N1")``.
     speed : float, default 1
         Simulated seconds per real second, from the start of the server, 0..1e6.
     clock : callable, optional
@@ -184,12 +184,12 @@ def serve(
     wire_faults : WireFault or iterable of WireFault, optional
         Faults of responses over TCP or a serial line; a response has at most one of them.
     rng : optional
-        Random generator for `wire_faults`, as `numpy.random.default_rng` accepts it.
+        Random generator or seed for `wire_faults`, as in `numpy.random.default_rng`.
 
     Returns
     -------
     Server
-        It listens inside its ``with`` block.
+        The server, which listens inside its ``with`` block.
 
     Raises
     ------
@@ -209,8 +209,8 @@ def serve(
     Up to 128 TCP connections can be open; any further one is closed at once. A connection without
     requests is closed after 10 minutes. TCP clients take turns of at most four requests. A client
     that leaves 64 KiB of responses unread is disconnected; with 256 delayed responses, its requests
-    wait. Datagrams share one queue, which drops them when it is full, and also if 256 responses to
-    their sender, or 32768 in all, are delayed.
+    wait. Datagrams share one queue; they are dropped when it is full, and also if 256 responses to
+    their sender or 32768 responses in all are delayed.
 
     Examples
     --------

@@ -27,7 +27,7 @@ _POLL, _SWITCH, _PROBE = range(3)
 
 #: Colours of the parts of a try.
 _OUTCOME = {"request": "C0", "response": "C5", "no response": style.LIMIT["color"]}
-Try = tuple[float, int, int, int, bool]  #: Start [s], slave from 0, port, kind, answered.
+Try = tuple[float, int, int, int, bool]  #: Start [s], slave counted from 0, port, kind, answered.
 
 
 class Paths:
@@ -47,7 +47,7 @@ class Paths:
         self.piece = 0
 
     def hold(self, start: float, end: float, slave: int, port: int) -> bool:
-        """Return whether a path is intact from `start` to `end`; starts must not decrease."""
+        """Return whether a path is intact from `start` to `end`; `start` must never decrease."""
         while self.ends[self.piece] <= start:
             self.piece += 1
         piece = self.piece
@@ -79,14 +79,14 @@ class Master:
         return self.tries
 
     def scan(self, end: float) -> None:
-        """Poll each slave in turn, unless the end comes first."""
+        """Poll each slave in turn, until the end of the simulation at the latest."""
         begin = self.time
         for slave in range(self.n):
             if self.time >= end:
                 break
             self.turn(slave)
         if self.time == begin:
-            # If all are lost, nothing happens before the next recheck.
+            # If all slaves are lost, nothing happens before the next recheck.
             self.time = min(self.last_failure + self.rule.recheck, end)
 
     def turn(self, slave: int) -> None:
@@ -141,7 +141,7 @@ class Master:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """A simulated master; `simulate` returns it, with `system`, `faults` and `until` [s] as given.
+    """A simulated master, as returned by `simulate` for `system`, `faults` and `until` [s].
 
     Examples
     --------
@@ -167,7 +167,7 @@ class Run:
     def events(self) -> pd.DataFrame:
         """Return one row per try: ``start_s``, ``end_s`` (when the next may begin), ``slave``, ``port``.
 
-        ``kind`` is poll, switch (the other port is asked at once) or probe (a slave that is lost or
+        ``kind`` is poll, switch (the other port is tried at once) or probe (a slave that is lost or
         served through B is tried again), and ``answered`` says whether the whole response arrived.
         """  # noqa: E501
         start, slave, port, kind, answered = self._columns
@@ -218,7 +218,7 @@ class Run:
         return longest
 
     def table(self) -> pd.DataFrame:
-        """Return one row per slave: its port, number of responses and longest time without one.
+        """Return one row per slave: port, number of responses, longest time without a response.
 
         ``port`` is the one that serves the slave at the end, ``"-"`` if it is lost.
         """

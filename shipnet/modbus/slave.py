@@ -52,7 +52,7 @@ class DeviceError(Exception):
 
 @runtime_checkable
 class Device(Protocol):
-    """Any object that can be read and written by address; it raises `DeviceError` to refuse.
+    """Any object that can be read and written by address; it raises `DeviceError` to refuse access.
 
     Examples
     --------
@@ -74,7 +74,7 @@ class Device(Protocol):
         ...
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        """Write all values to coils or holding registers, or none."""
+        """Write either all values to coils or holding registers, or none of them."""
         ...
 
 
@@ -102,7 +102,7 @@ class Registers:
             check_whole(f"limits[{address}][1]", high, low, 0xFFFF)
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
-        """Return values of a table, or refuse with exception 2 if one does not exist."""
+        """Return values of a table, or refuse with exception 2 if an address does not exist."""
         memory: dict[int, int] = getattr(self, table)
         try:
             return [memory[place] for place in range(address, address + quantity)]
@@ -239,8 +239,8 @@ class Slave:
 
         The PDU is empty if the slave is silent or the function code is 0 or above 127. Exceptions
         follow the order of "MODBUS application protocol" V1.1b3, section 6: 1 for the function
-        code, 3 for an illegal field or length, then that of the device. If the device fails
-        otherwise, the response is exception 4; the failure is logged to ``shipnet.modbus.server``.
+        code, 3 for an illegal field or length, then the device's own. If the device fails
+        otherwise, exception 4 is returned, and the failure is logged to ``shipnet.modbus.server``.
         """
         pdu = request.pdu if isinstance(request, Request) else request
         if not isinstance(pdu, bytes | bytearray | memoryview):
@@ -258,7 +258,7 @@ class Slave:
             exception = refusal.exception
         except FrameError:
             exception = ExceptionCode.ILLEGAL_DATA_VALUE
-        # A response is sent whatever error the device's code raises.
+        # A response is sent no matter which error the device's code raises.
         except Exception:
             logging.getLogger("shipnet.modbus.server").exception("the device failed")
             exception = ExceptionCode.SERVER_DEVICE_FAILURE
@@ -283,7 +283,7 @@ def answer(
     Unit id 0 is a broadcast: all slaves execute a write, and none answers ("MODBUS over serial
     line" V1.02, section 2.1). If TCP slaves include 0, both 0 and 255 mean the server itself
     ("MODBUS messaging on TCP/IP" V1.0b, section 4.4.2). For a missing slave, a serial line stays
-    silent; in TCP, exception 11 reports that the target did not respond ("MODBUS application
+    silent; over TCP, exception 11 reports that the target did not respond ("MODBUS application
     protocol" V1.1b3, section 7).
     """
     unit, pdu = adu.unit_id, adu.pdu

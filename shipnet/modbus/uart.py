@@ -83,8 +83,8 @@ class SerialLine:
     ) -> Waveform:
         """Return the level while frames are sent, as corners of a step function.
 
-        `gap` is the silence after each frame, one for all or one per frame, and `start` that before
-        the first [s]; both are t3.5 by default, but a single `gap` also applies to `start`.
+        `gap` is the silence after each frame (one value, or one per frame), and `start` the silence
+        before the first [s]; both are t3.5 by default, but a single `gap` also applies to `start`.
         """
         parts = [frames] if isinstance(frames, bytes | bytearray | memoryview) else list(frames)
         single = self.t35 if gap is None else gap
@@ -104,7 +104,7 @@ class SerialLine:
             levels.append(np.append(bits, 1))
             begin = times[-1][-1] + pause
         time, level = np.concatenate(times), np.concatenate(levels).astype(np.float64)
-        # Keep the last corner of each time, and only corners where the level changes.
+        # Keep the last of several corners at one time, and only corners where the level changes.
         keep = np.append(np.diff(time) > 0, True)
         time, level = time[keep], level[keep]
         corner = np.append(True, np.diff(level) != 0)
@@ -112,13 +112,13 @@ class SerialLine:
         return Waveform(time, level, self)
 
     def clock_tolerance(self) -> tuple[float, float]:
-        r"""Return the lowest and highest relative bit-rate error at which a sender is still read.
+        r"""Return the lowest and highest relative bit-rate error of a sender that is still read.
 
         .. math:: -\frac{1/2}{n - 1/2} < \delta < \frac{1/2}{n - 1/2}
 
-        for n bits up to the first stop bit. With two stop bits the sample of the first may fall
-        into the second, so the right denominator is n - 3/2. Rise times, jitter and a receiver that
-        samples the line at discrete times reduce the range.
+        for n bits up to the first stop bit. With two stop bits, the sample of the first stop bit
+        may fall into the second one, so the denominator on the right is n - 3/2. Rise times, jitter
+        and a receiver that samples the line at discrete times reduce the range.
         """
         n = 1 + _DATA + (self.character[1] != "N") + 1
         stops = int(self.character[2])
@@ -148,7 +148,7 @@ class Characters(NamedTuple):
     (b'\x01\x03', [0, 0])
     """
 
-    #: Edge of the start bit, as the receiver saw it [s].
+    #: Time at which the receiver detected the edge of the start bit [s].
     time: Floats
     #: The byte, even if it has an error.
     value: Bytes
@@ -164,7 +164,7 @@ class Characters(NamedTuple):
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform:
-    r"""The level of a line over time; `SerialLine.waveform` returns one.
+    r"""The level of a line over time, as returned by `SerialLine.waveform`.
 
     Parameters
     ----------
@@ -209,14 +209,14 @@ class Waveform:
         return f"Waveform({self.time.size} corners, {1e3 * end:.3g} ms, {self.line!r})"
 
     def decode(self, receiver: SerialLine | None = None) -> Characters:
-        """Return the characters that a receiver reads; errors are codes, never exceptions.
+        """Return the characters that a receiver reads; errors become codes, not exceptions.
 
         The bit rate of `receiver` may differ from the sender's, which is the default. A falling
         edge is a start bit if the level is still 0 half a bit later; bits are sampled in the
         middle. A first stop bit of 0 is a framing error (`FormError`), which hides a parity error.
         """
         line = self.line if receiver is None else receiver
-        # Keep the last corner of each time.
+        # Of several corners at the same time, keep the last one.
         keep = np.append(np.diff(self.time) > 0, True)[: self.time.size]
         at, one = self.time[keep], self.level[keep] > 0.5
         bit = 1 / line.bit_rate

@@ -52,14 +52,14 @@ class LossyPath:
 
 
 def transaction_ids(n: int) -> list[int]:
-    """Return the transaction ids of n requests, which start again after 65536."""
+    """Return the transaction ids of n requests; after 65536 requests they start again at 0."""
     return (np.arange(n) % (1 << 16)).tolist()
 
 
 def replies(
     marks: Sequence[int], path: LossyPath, timeout: float, rng: np.random.Generator
 ) -> tuple[Integers, int]:
-    """Return the request whose response each request accepts, and the number of dropped responses.
+    """Return, per request, the one whose response it accepts, and the number of dropped responses.
 
     A request accepts a response to any request with the same mark; -1 stands for a time-out.
     """
@@ -115,16 +115,16 @@ def compare(
 
     Notes
     -----
-    The header in tables 2 and 3 of kim2014 begins with 0.0.0.0: transaction id 0. A response after
-    its time-out then looks like the next one; an id as in "MODBUS messaging on TCP/IP" V1.0b,
-    section 4.4.1, would prevent this. Let a round trip take r and a late one r + L, where the
-    time-out T meets L < T < r + L, and let requests follow at once. The next request accepts the
-    late response; its own response arrives later and is accepted by the following request, and so
-    on. So one late response to request j of n, counted from 0, mismatches all later requests,
+    The header in tables 2 and 3 of kim2014 begins with 0.0.0.0: transaction id 0. A response that
+    arrives after its time-out then looks like the response to the next request; a transaction id as
+    in "MODBUS messaging on TCP/IP" V1.0b, section 4.4.1, would prevent this. Let a round trip take
+    r and a late one r + L, where the time-out T meets L < T < r + L, and let each request follow
+    the previous one at once. The next request accepts the late response; its own response arrives
+    later and is accepted by the following request, and so on. So, until another fault occurs, one
+    late response to request j of n, counted from 0, causes a mismatch in every later request; their
+    number is
 
     .. math:: n - 1 - j
-
-    until another fault.
 
     Examples
     --------

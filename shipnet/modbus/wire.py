@@ -17,7 +17,7 @@ Name = Literal[
     "wrong-unit", "wrong-function", "wrong-count", "wrong-crc", "wrong-transaction",
 ]  # fmt: skip
 
-#: Faults with a duration, and its default [s]; that of `late` exceeds usual time-outs.
+#: Faults with a duration, and the default duration [s]; that of `late` exceeds usual time-outs.
 _SECONDS = {"late": 5.0, "delay": 0.5, "gap": 0.5}
 
 #: Faults of fields that only one kind of frame has.
@@ -34,19 +34,20 @@ Piece = tuple[float, bytes]  #: The silence before a piece of a response [s], an
 @checked
 @record
 class WireFault:
-    """A fault of some responses of a server; `serve` takes any number of faults.
+    """A fault in some of a server's responses; `serve` accepts any number of faults.
 
     Notes
     -----
-    ``late``: the response is `seconds` late. ``delay``: a random time up to `seconds` late.
-    ``gap``: a silence of `seconds` splits it. ``double``: it is sent twice without a pause.
-    ``previous``: the previous response, to any client, replaces it. ``short``: only its first half
-    is sent. ``garbage-before``, ``garbage-after``: four random bytes precede or follow it.
+    ``late`` delays a response by `seconds`, and ``delay`` by a random time up to `seconds`. ``gap``
+    splits the response by a silence of `seconds`. ``double`` sends it twice without a pause.
+    ``previous`` sends the previous response, to any client, instead. ``short`` sends only the first
+    half. ``garbage-before`` and ``garbage-after`` add four random bytes.
 
-    Others change a field. ``wrong-count``: the byte count of a read is 2 too low. ``wrong-unit``,
-    ``wrong-function``, ``wrong-transaction``: the field names the next unit, another function code
-    or the next transaction. ``wrong-crc``: the data do not match the CRC. These four also flip the
-    last bit of the data, so that a client that accepts the response shows a wrong value.
+    The other faults change a field. ``wrong-count`` makes the byte count of a read 2 too low.
+    ``wrong-unit``, ``wrong-function`` and ``wrong-transaction`` send the next unit id, another
+    function code or the next transaction id. ``wrong-crc`` sends data that do not match the CRC.
+    All of these except ``wrong-count`` flip the last bit of the data, so that a client that accepts
+    the response shows a wrong value.
 
     Examples
     --------
@@ -154,7 +155,7 @@ class Wire:
 
 
 def check_faults(faults: WireFault | Iterable[WireFault], transport: str) -> tuple[WireFault, ...]:
-    """Return faults as a tuple; raise an error unless they fit the transport and each other."""
+    """Return faults as a tuple; raise an error if they do not fit the transport or each other."""
     several = (faults,) if isinstance(faults, WireFault) else tuple(faults)
     for fault in several:
         needed, why = _ONLY.get(fault.name, (transport, ""))

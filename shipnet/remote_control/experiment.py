@@ -1,4 +1,4 @@
-"""Markers against CRC, by number of items: the comparison that chung1998 leaves to future work."""
+"""Comparison of markers and CRC by number of items, which chung1998 leaves to future work."""
 
 from __future__ import annotations
 
@@ -50,8 +50,7 @@ def compare_checks(
 ) -> Comparison:
     """Send packets over a disturbed line, and count what each check detects and misses.
 
-    The checks are the markers as printed, markers with a CRC after them, and a CRC with byte
-    stuffing.
+    The checks are the markers as printed, the same plus a CRC, and a CRC with byte stuffing.
 
     Parameters
     ----------
@@ -132,7 +131,7 @@ class Comparison:
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the fraction of packets accepted with errors, at the first bit error rate.
 
-        Lines show theory over the number of items, and markers show counts with their bounds.
+        Lines show the theory over the number of items, and dots the counts with their bounds.
         """
         from shipnet.remote_control.plot import plot_checks
 
@@ -145,8 +144,8 @@ class Comparison:
 class Staleness(NamedTuple):
     """How well a receiver follows a switch with two positions.
 
-    `share` is the fraction of the time in which it shows a position other than the one sent in the
-    last packet; `duration` is the mean time from a failed packet to the correct position [s].
+    `share` is the fraction of time in which the receiver shows a position other than the one last
+    sent; `duration` is the mean time from a failed packet to the correct position [s].
     """
 
     share: float
@@ -156,12 +155,13 @@ class Staleness(NamedTuple):
 def switch_staleness(shares: Shares, period: float, interval: float, sending: Sending) -> Staleness:
     r"""Return how well a receiver follows a switch, in closed form.
 
-    A packet is sent every `period` T [s]; the switch moves at random with a mean `interval` [s].
-    Between two packets it moves with a probability f, which is 1 if only changes are sent, else
+    A packet is sent every `period` T [s]; the switch moves at random, with a mean `interval` tau
+    [s]. Its position changes between packets with a probability f, which is 1 if only changes are
+    sent, else
 
     .. math:: f = \frac{1}{2} \left( 1 - e^{-2 T / \tau} \right)
 
-    A discarded packet (probability d) leaves the old position in place; one that is accepted with
+    A discarded packet (probability d) leaves the old position in place; a packet accepted with
     errors (u) replaces it with a wrong one. In the long run the fraction of wrong positions is
 
     .. math:: g + \frac{d f (1 - g)}{1 - d + 2 d f}, \quad g = \frac{u}{1 - d}
@@ -189,8 +189,8 @@ class Recommendation:
 
     `sending` is "changed" or "cyclic"; RCS ends a turn without a response after `turn_timeout` [s];
     `refresh_time` is the mean time to receive every value once [s]; `wrong_per_year` counts packets
-    accepted with errors (an upper estimate if byte-stuffed); `stale_time` is the mean time that a
-    switch position is wrong after a failed packet [s].
+    accepted with errors (an upper estimate if byte-stuffed); `stale_time` is the mean time for
+    which a switch position is wrong after a failed packet [s].
     """
 
     check: str
@@ -210,13 +210,13 @@ class Recommendation:
 
 
 def candidates(n_items: int, system: System, rate: float, stale_time: float) -> pd.DataFrame:
-    """Return all ways to send 1..84 values per station, one row each, as `recommend` compares them.
+    """Return one row per way to send 1..84 values per station, for comparison by `recommend`.
 
-    A discarded packet also causes a wait of one turn, but affects no other packet. There is no row
-    for a check and size whose response takes longer than a turn. If the items are split among
-    several packets, all are as long as the longest and each cycle carries one packet per station,
-    so that updating all values takes as many cycles as there are packets. If only changes are sent,
-    a packet is as long as if all items changed at once; its failures are those of one-item packets.
+    A discarded packet also causes a wait of one turn, but affects no other packet. Ways in which a
+    response takes longer than a turn are left out. If the items are split among several packets,
+    all packets are as long as the longest, and each cycle carries one packet per station, so that
+    updating all values takes as many cycles as there are packets. If only changes are sent, packets
+    are as long as with all items, but fail as often as packets with one item.
     """
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     p = check_scalar("rate", rate, "", 0, 0.1)
@@ -285,7 +285,7 @@ def recommend(
     rate : float, default 1e-5
         Bit error rate, 0..0.1; our assumption, because the paper states none.
     stale_time : float, default 3
-        Longest mean time that a switch is shown in a wrong position after a failed packet,
+        Longest mean time for which a switch is shown in a wrong position after a failed packet,
         1e-3..1e9 [s], including the wait of RCS for the lost response; the default equals the time
         for which a failed partner may go unnoticed.
 
@@ -298,8 +298,8 @@ def recommend(
     Raises
     ------
     ArgumentError
-        If an argument is out of range, or no candidate meets the limits; the message counts the
-        candidates that fail each limit.
+        If an argument is out of range, or no candidate meets the limits; the message says how many
+        candidates fail each limit.
 
     Examples
     --------

@@ -6,7 +6,7 @@ missing, and the text allows two interpretations:
 - A: ``CC DD (number low high) x n EE``, 3 + 3 n bytes;
 - B: ``CC (DD number low high) x n EE``, 2 + 4 n bytes.
 
-One packet per value is interpretation A with one item per packet.
+Sending one packet per value is the same as interpretation A with one item per packet.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _MOST_NUMBERS = PACKET_START
 #: Bytes of an item, and of the CRC.
 _ITEM, _CRC = 3, 2
 
-#: Bytes that one code byte of COBS can span; longer data would need more than one.
+#: Bytes that one code byte of COBS can span; longer data would need more code bytes.
 _SPAN = 254
 
 #: The largest byte-stuffed packet has this many items: 3 x 84 + 2 = 254 bytes.
@@ -59,7 +59,7 @@ def _crc(rows: Bytes) -> npt.NDArray[np.unsignedinteger]:
 
 
 def _crc_fits(rows: Bytes) -> Bools:
-    # After its own check value, the register of a reflected CRC without a final XOR is 0.
+    # After reading its own check value, the register of a reflected CRC without final XOR is 0.
     return np.asarray(_crc(rows) == 0)
 
 
@@ -79,8 +79,8 @@ class MarkerFormat(PacketFormat):
     Notes
     -----
     A value byte may equal a marker, because the format has no escape sequence. With
-    ``numbers="any"``, a receiver that stores by number, as printed, writes outside its table when a
-    number is disturbed. The paper [1]_ mentions neither a check of the numbers nor a CRC.
+    ``numbers="any"``, a receiver that stores values by number, as printed, writes outside its table
+    when a number is disturbed. The paper [1]_ mentions neither a check of the numbers nor a CRC.
 
     References
     ----------
@@ -148,8 +148,8 @@ class MarkerFormat(PacketFormat):
 
         .. math:: P = 1 - \left( 1 - \frac{m}{256} \right)^n
 
-        All byte values are equally likely here, unlike on a ship: a shaft speed below 204 rpm
-        sent as a whole number never includes a marker.
+        All byte values are assumed to be equally likely, unlike on a ship: a shaft speed below 204
+        rpm sent as a whole number never includes a marker.
         """
         n = check_whole("n_bytes", n_bytes, 0, 10**6)
         return 1 - (1 - check_whole("markers", markers, 0, 256) / 256) ** n
@@ -162,8 +162,8 @@ class MarkerFormat(PacketFormat):
         .. math:: P_u = (1 - p)^{8 m} \left( 1 - P_e - (1 - p)^{24 n} \right)
 
         unless a number turns into the last marker, with the probability P_e. With a CRC, the other
-        bits must also form a code word, see `crc_residual`; this upper bound is less than a
-        thousandth too high. A check of the numbers is ignored; it would only lower the fraction.
+        bits must also form a code word; the upper bound from `crc_residual` is less than a
+        thousandth too high. A check of the numbers is ignored, as it would only lower the fraction.
         """
         head, lead = len(self.head), len(self.lead)
         step, end = lead + _ITEM, head + n_items * (lead + _ITEM)
@@ -286,7 +286,7 @@ class MarkerParser:
 
 
 def stuff(data: Bytes) -> Bytes:
-    """Return rows of up to 254 bytes without any 0, by consistent overhead byte stuffing."""
+    """Encode rows of up to 254 bytes without any 0, by consistent overhead byte stuffing."""
     # Every 0 becomes the distance to the next 0, and the distance to the first 0 precedes the data.
     n_rows, size = data.shape
     check_whole("length of data", size, 0, _SPAN)
@@ -324,7 +324,7 @@ def unstuff(rows: Bytes) -> tuple[Bools, Bytes]:
 
 @record
 class CobsFormat(PacketFormat):
-    """The corrected packet: with a CRC, and byte-stuffed, so that no value equals the end byte.
+    """The corrected packet: it has a CRC, and is byte-stuffed so that no value equals the end byte.
 
     Items and their CRC-16/MODBUS are written without any 0 by consistent overhead byte stuffing
     (COBS) [1]_, and a 0 ends the packet: 4 + 3 n bytes. A receiver that has lost synchronisation
@@ -434,7 +434,7 @@ class CobsParser:
 
 
 def crc_residual(n_bytes: int, rate: float, known: tuple[int, ...] = ()) -> float:
-    r"""Return the probability that CRC-16/MODBUS accepts data and check bytes that have errors.
+    r"""Return the probability that CRC-16/MODBUS accepts data and check bytes with errors.
 
     Bytes at the `known` places are error-free. By MacWilliams' identity, with the number B of words
     of weight w in the dual code of a code of L bits (T. Fujiwara, T. Kasami, S. Lin, IEEE Trans.

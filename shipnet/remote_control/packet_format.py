@@ -29,7 +29,7 @@ NumberCheck = Literal["any", "known", "rising"]
 #: Packets processed at a time.
 _CHUNK = 1 << 16
 
-#: The fault of a rejected packet; the text about numbers continues with the legal numbers.
+#: The fault of a rejected packet; the last text continues with the legal numbers.
 _FAULTS: Mapping[type[FrameError], str] = {
     LengthError: "has a length that fits no number of items",
     FormError: "does not have the form of a packet",
@@ -49,7 +49,7 @@ def check_bytes(name: str, data: object) -> bytes:
 
 
 class Shares(NamedTuple):
-    """The outcomes of packets as fractions of all packets; `undetected` is accepted with errors."""
+    """The outcomes of packets as fractions of all; `undetected` means accepted with errors."""
 
     intact: float
     detected: float
@@ -58,7 +58,7 @@ class Shares(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Packets sent over a disturbed line: all, detected as wrong, and accepted with errors."""
+    """Numbers of packets sent over a disturbed line, detected as wrong and accepted with errors."""
 
     sent: int
     detected: int
@@ -66,7 +66,7 @@ class Trial:
 
     @property
     def intact(self) -> int:
-        """Packets accepted as they were sent."""
+        """Number of packets accepted as they were sent."""
         return self.sent - self.detected - self.undetected
 
     @property
@@ -119,7 +119,7 @@ class PacketFormat:
         raise NotImplementedError
 
     def encode(self, items: Mapping[int, int]) -> bytes:
-        """Return a packet with values 0..65535, given by number, in rising order of the numbers."""
+        """Return a packet of values 0..65535, given by number, in rising order of number."""
         if not isinstance(items, Mapping):
             raise ArgumentError(f"items is {items!r}; it must map numbers to values")
         numbers = sorted(check_whole("number", number, 0, self.n_numbers - 1) for number in items)
@@ -131,7 +131,7 @@ class PacketFormat:
         return self._encode_rows(row).tobytes()
 
     def decode(self, packet: bytes | bytearray) -> Items:
-        """Return numbers and values of one packet.
+        """Return the numbers and values in one packet.
 
         Raises `LengthError`, `FormError`, `CrcError` or `FieldError` (a number is rejected).
         """
@@ -216,7 +216,7 @@ class PacketFormat:
         return Decoded(error, numbers * good, values * good)
 
     def error_shares(self, n_items: int, rate: float) -> Shares:
-        """Return the fractions of packets intact, detected and undetected, in closed form.
+        """Return the fractions of intact, detected and undetected packets, in closed form.
 
         Bits are inverted independently with the probability `rate`, 0..0.5; start and stop bits are
         not modelled.
@@ -252,8 +252,8 @@ class PacketFormat:
 
     def outcomes(self, n_items: int, rate: float, packets: int, rng: np.random.Generator) -> Bytes:
         """Return the outcomes of packets with random values: 0 intact, 1 detected, 2 undetected."""
-        # Gaps between inverted bits are drawn at random, not the bits. Only packets with inverted
-        # bits are built and checked, because all others are accepted.
+        # The gaps between inverted bits are drawn at random, not the bits themselves. Only packets
+        # with inverted bits are built and checked, because all others are accepted.
         p = check_scalar("rate", rate, "", 0, 0.5)
         n = check_whole("packets", packets, 0, 10**9)
         items = check_whole("n_items", n_items, 0, self.n_numbers)

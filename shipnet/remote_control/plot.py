@@ -249,7 +249,7 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
         beside = items + 0.4 * place
         low, high = (rows[name].to_numpy(dtype=float) for name in ("low", "high"))
         bounds += high[count == 0].tolist()
-        # The fraction of the byte-stuffed packet is an upper estimate, see `CobsFormat`.
+        # The fraction for the byte-stuffed packet is an upper estimate, see `CobsFormat`.
         label = f"{check}" + ", upper estimate" * (check == "CRC")
         ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=label)
         some = count > 0

@@ -1,8 +1,8 @@
 """The receive ring: an interrupt stores bytes, a task extracts them later.
 
 Writer and reader each have a place (``no``, ``get_no``) and a flag that changes at the end of the
-ring (``ring_f``, ``ring_get_f``). Place and flag together count to twice the size of the ring, and
-show the unread bytes in one of four cases:
+ring (``ring_f``, ``ring_get_f``). Place and flag together count up to twice the size of the ring,
+and show one of four cases:
 
 - a: same flags, ``no < get_no``: the reader seems to have passed the writer;
 - b: same flags, ``no >= get_no``: in order, or empty;
@@ -83,7 +83,7 @@ class Ring:
         Capacity of the ring, 2..65536 bytes.
     rule : {"printed", "intended", "corrected"}, default "printed"
         Rule by which the reader decides. "printed": the printed tests, in which ``no == get_no``
-        with equal flags counts as data. "intended": the same, but such a ring counts as empty.
+        with equal flags counts as data. "intended": the same tests, but this state counts as empty.
         "corrected": writer and reader count their bytes without returning to 0.
 
     Attributes
@@ -100,8 +100,8 @@ class Ring:
     In case a the printed reader [1]_ switches the receive interrupt off and sends; here it stops,
     and continues when the case has changed. In case c it skips a part of the ring: it moves to the
     middle if ``no`` is in the lower half, otherwise to the start, and searches for 0xCC from there.
-    If it finds none, it stops at the writer, with an empty ring; the paper does not specify this
-    case. ``no == size / 2`` counts as the upper half, which is also our choice.
+    If there is none, it stops at the writer, with an empty ring. ``no == size / 2`` counts as the
+    upper half. Both are our choice, because the paper does not specify these cases.
 
     The counters of a corrected program may have 16 bits: their difference is right as long as fewer
     than 65536 bytes are unread.
@@ -183,7 +183,7 @@ class Ring:
         return (self.written - self._reader) % (2 * self.size)
 
     def copy(self) -> Ring:
-        """Return an independent ring in the same state."""
+        """Return an independent copy of the ring."""
         other = copy(self)
         other._cells = bytearray(self._cells)
         return other
@@ -263,8 +263,8 @@ class Ring:
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the ring as a circle of cells, clockwise from the top, with writer and reader.
 
-        Cells with unread bytes are shaded, in red if others were overwritten unread. Rings of up to
-        32 cells show their bytes.
+        Cells with unread bytes are shaded, in red if other bytes were overwritten unread. Rings of
+        up to 32 cells show their bytes.
         """
         from shipnet.remote_control.plot import plot_ring
 
@@ -301,10 +301,10 @@ class Ring:
         return lost
 
     def _first_start(self) -> int:
-        """Return the byte that the repair of Fig 9 finds."""
+        """Return the index of the byte that the repair of Fig 9 finds."""
         no = self.state.no
         half = self.size >> 1
-        # From its middle, the ring holds bytes of the previous lap, then bytes of this lap.
+        # Read from its middle, the ring holds bytes of the previous lap, then bytes of this lap.
         oldest = self.written - no + (half - self.size if no < half else 0)
         for count in range(oldest, self.written):
             if self._cells[count % self.size] == PACKET_START:
@@ -330,7 +330,7 @@ class RingCases:
         return np.where(same, np.where(no >= place, "b", "a"), np.where(no >= place, "c", "d"))
 
     def table(self) -> pd.DataFrame:
-        """Return how many pairs of lead and reader's place show each case, one row per lap.
+        """Return how many pairs of writer's lead and reader's place show each case, by lap.
 
         A lap has leads ``from`` .. ``to`` [byte]. A lead of exactly one lap is a full ring: nothing
         is lost yet, although the variables show case c.
@@ -343,8 +343,8 @@ class RingCases:
     def plot(self, ax: Axes | None = None, *, get_no: int | None = None) -> Axes:
         """Draw a map of the cases over the unread bytes and the reader's place.
 
-        With `get_no`, the place of the reader, draw the bytes that seem unread over the true
-        number.
+        With `get_no`, the place of the reader, draw the apparent number of unread bytes over the
+        true number.
         """
         from shipnet.remote_control.plot import plot_cases, plot_lead
 

@@ -1,7 +1,7 @@
 """Recorded serial lines: bit rate, character format and characters, from levels or voltages.
 
-Only the edges are used. The clock is the slope of a straight line through all edges over their bit
-numbers. A character format fits if neither its parity nor its stop bit ever fails.
+Only the edges are used. The bit time is the slope of a straight line through all edges over their
+bit numbers. A character format fits if neither its parity nor its stop bit ever fails.
 """
 
 from __future__ import annotations
@@ -132,7 +132,8 @@ def _found(
             wrong = np.logical_or(*_faults(reading, parity)).mean()
             gone = (len(head) - len(clean)) / len(head)
             score = wrong + gone + 2 * max(0.0, off - 0.5 * edges.width / own - 0.02)
-            # Half the bit time also fits, and without parity only stop bits can be wrong.
+            # Prefer longer bits, as half the bit time also fits, and parity, as without it less can
+            # fail.
             score += -0.5 * np.log2(own / runs.max()) + 0.02 * (parity == "N") - 0.01 * data
             best = min(best, (score, own, (data, parity)))
     return best[1:]
@@ -144,10 +145,10 @@ class SerialCapture:
 
     `bit_rate` is the given or detected rate at which the line was read, and `measured_rate` the
     sender's rate, computed from all edges [bit/s]. `character` contains data bits, parity and stop
-    bits, such as ``"8N1"``. `waveform` is the level with glitches, which `modbus.Waveform.decode`
-    can read with other settings; None for characters that do not have 8 bits. `duration` is the
-    length of the record [s], and `channel` the channel of the file. `glitches` counts removed
-    pulses shorter than a third of a bit, and false starts.
+    bits, such as ``"8N1"``. `waveform` is the level including glitches, which
+    `modbus.Waveform.decode` can read with other settings; None for characters that do not have 8
+    bits. `duration` is the length of the record [s], and `channel` the channel of the file.
+    `glitches` counts removed pulses shorter than a third of a bit, and false starts.
 
     Examples
     --------

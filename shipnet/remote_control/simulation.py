@@ -36,7 +36,7 @@ _MOST_EVENTS = 20_000_000
 
 @record
 class Change:
-    """A change of one of a station's values, which all begin at 0.
+    """A change of a value at a station; all values are 0 at the beginning.
 
     The station sends the value to its partners. RCS forwards a slave's value to the other slave if
     that slave uses it; ``System().signals()`` shows which do.
@@ -57,7 +57,7 @@ class Change:
 
 
 class Update(NamedTuple):
-    """A station receives a value from another at a time [s]."""
+    """The reception of a value by one station from another at a time [s]."""
 
     time: float
     station: str
@@ -93,8 +93,8 @@ class Run:
 
     `system`, `until` [s] and `faults` are as given, and `changes` are in order of time. `packets`
     are all packets that were begun, `updates` the values that stations received from each other,
-    and `heartbeats` the received heartbeats: time [s], receiver, sender and the ticks counted
-    before. `max_unread` is the largest number of bytes in a ring when its task read it.
+    and `heartbeats` the received heartbeats: time [s], receiver, sender and the ticks counted until
+    then. `max_unread` is the largest number of bytes in a ring when its task read it.
 
     Examples
     --------
@@ -168,10 +168,10 @@ class Run:
         return pd.DataFrame(rows, columns=["time_s", "value"])
 
     def delays(self, station: str) -> pd.DataFrame:
-        """Return the delay ``delay_s`` with which a station received each change of the others.
+        """Return the delay ``delay_s`` with which a station received each change made by others.
 
         The delay is 0 if the station still had that value, and NaN if the value changed again, or
-        the simulation ended, before the station had it.
+        the simulation ended, before it was received.
         """
         rows = []
         for change in self.changes:
@@ -201,7 +201,7 @@ class Run:
         """Draw the packets of each station from `start` to `stop` [s], as in Fig. 2 of chung1998.
 
         A packet is a block in the row of its sender, coloured by its receiver, with an arrow to the
-        receiver that read it; a lost one is hatched. A red triangle marks a partner declared
+        receiver that read it; a lost packet is hatched. A red triangle marks a partner declared
         failed. A figure shows up to 500 packets.
         """
         from shipnet.remote_control.plot import plot_time_chart
@@ -247,8 +247,8 @@ def simulate(
     -----
     A station accepts bytes only while it receives (``comm_f`` is 1). Its task reads the ring after
     every byte, and answers when a packet is complete; an incomplete packet is not answered. The
-    part that arrived stays in the ring and can spoil the next packet. The timers stop only when
-    their station is dead. A single byte 0xDD from the partner, marker or value, clears the
+    bytes that did arrive stay in the ring and can corrupt the next packet. The timers stop only
+    when their station is dead. A single byte 0xDD from the partner, marker or value, clears the
     counters; in a format without markers a complete packet does.
 
     Examples
@@ -526,8 +526,8 @@ def switch_delays(
     Returns
     -------
     pandas.DataFrame
-        One row per bit rate: ``bit_rate``, the number of moves ``followed``, ``mean_s`` and
-        ``longest_s`` delay, and ``bound_s``, the `System.response_time` of packets with all items.
+        One row per bit rate: ``bit_rate``, the number of moves ``followed``, the delays ``mean_s``
+        and ``longest_s``, and ``bound_s``, the `System.response_time` of packets with all items.
 
     Examples
     --------

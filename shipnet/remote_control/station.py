@@ -24,12 +24,12 @@ def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, in
     sending : sequence of int
         The values to send, 0..65535 each; ``SENDING`` in section 4.1 and Fig 6 of chung1998.
     sended : sequence of int
-        The values sent last, ``SENDED`` there; as many as `sending`.
+        The values sent last, called ``SENDED`` in the paper; as many as `sending`.
 
     Returns
     -------
     dict of int to int
-        The changed values by number, ``NEW_SEND`` there; empty if there are none.
+        The changed values by number, called ``NEW_SEND`` in the paper; empty if there are none.
 
     Examples
     --------
@@ -58,8 +58,8 @@ def _values(name: str, values: Sequence[int]) -> list[int]:
 class Sender:
     """Chooses the values to send, and assumes that they arrive: there is no acknowledgement.
 
-    Each packet also carries `repeat` unchanged values in turn. With 0, the paper's rule, a lost
-    packet leaves the receiver with old values until they change again; with k, the values are
+    Each packet also carries `repeat` unchanged values, taken in turn. With 0, the paper's rule, a
+    lost packet leaves the receiver with old values until they change again; with k, the values are
     corrected within ``ceil(n_items / k)`` packets.
     """
 
@@ -69,7 +69,7 @@ class Sender:
         self._turn = 0
 
     def items(self, sending: Sequence[int]) -> dict[int, int]:
-        """Return the items of the next packet, which count as received."""
+        """Return the items of the next packet, and assume that they will be received."""
         n = len(self._sended)
         again = [number % n for number in range(self._turn, self._turn + self.repeat)]
         items = changed_items(sending, self._sended) | {k: sending[k] for k in again}
@@ -112,8 +112,8 @@ class Station:
     """A station in the simulation.
 
     It sends to `partner` or waits for it; `turn` increases with every packet sent, and whenever the
-    station stops or starts, which cancels the events scheduled in earlier turns; `busy_until` is
-    the end of a slow task [s].
+    station stops or starts, so that events of earlier turns are cancelled; `busy_until` is the end
+    of a slow task [s].
     """
 
     def __init__(self, name: str, system: System) -> None:
@@ -142,6 +142,6 @@ class Station:
         return Reading(self.parser.feed(bytes_of(steps)), unread, repaired, stopped, lost)
 
     def next_partner(self) -> None:
-        """Turn to the station that is next in the cycle."""
+        """Make the next station in the cycle the current partner."""
         place = self.partners.index(self.partner) + 1 if self.partner in self.partners else 0
         self.partner = self.partners[place % len(self.partners)]

@@ -2,7 +2,7 @@
 
 The names of stations and values are those of chung1998, sections 2 and 5. The numbers are our
 assumption, and the list may be incomplete, because the text that we have lacks the drawing of Fig.
-1. Times are for a link without bit errors in which every packet has all its items.
+1. Times apply to a link without bit errors, in which every packet contains all items.
 """
 
 from __future__ import annotations
@@ -108,8 +108,9 @@ class Supervision:
 
     Notes
     -----
-    Section 4 of chung1998 prints "greater than" in both tests, but a result of 3 seconds, which is
-    correct if reaching both limits suffices, as in `intended` (claims chung1998-007 and 045).
+    Section 4 of chung1998 prints "greater than" in both tests, but also a result of 3 seconds,
+    which is correct if reaching both limits suffices, as in `intended` (claims chung1998-007 and
+    045).
 
     Examples
     --------
@@ -131,7 +132,7 @@ class Supervision:
 
     @classmethod
     def intended(cls) -> Supervision:
-        """Return the rule that the printed 3 seconds require: reaching both limits suffices."""
+        """Return the rule implied by the printed 3 seconds: reaching both limits suffices."""
         return cls(strict=False)
 
     @property
@@ -210,11 +211,11 @@ class Counter:
 class Cascade(NamedTuple):
     """The silence that BCS observes while RCS waits for a dead SS; times in seconds.
 
-    The pairs contain the shortest and the longest time, depending on the timers, in the first turn
-    of an SS that died while it was silent. `wait` is the time that RCS waits for a response,
+    Each pair contains the shortest and the longest time, depending on the timers, in the first turn
+    of an SS that died while it was not sending. `wait` is the time that RCS waits for a response,
     `silent` the time that BCS receives nothing, from its last byte to the next 0xDD, and `counted`
-    the time that the counters of BCS run meanwhile. `longest` bounds the time that BCS receives
-    nothing, whenever SS dies and in all later turns. `alarm` says whether BCS also declares RCS
+    the time that the counters of BCS run meanwhile. `longest` is an upper bound on the time that
+    BCS receives nothing in any turn, whenever SS dies. `alarm` says whether BCS also declares RCS
     failed, although RCS is alive: "certain" (in the first turn), "possible" or "never".
     """
 
@@ -305,7 +306,7 @@ class System:
 
     @property
     def idle_time(self) -> float:
-        r"""Time without reception at a healthy slave, from its last byte to the next 0xDD [s].
+        r"""Time without reception at a healthy slave, from its last sent byte to the next 0xDD [s].
 
         .. math:: T_i = 2 P + 3 t + b \, t_c
 
@@ -318,8 +319,8 @@ class System:
     def counted_time(self) -> float:
         r"""Longest time for which the counters of a healthy slave run without a 0xDD [s].
 
-        They also run while the rest of a packet arrives and is processed, but not while the slave
-        sends:
+        The counters also run while the rest of a packet arrives and is processed, but not while the
+        slave sends:
 
         .. math:: T_c = \left( P - b_l \, t_c \right) + t + T_i
 
@@ -358,11 +359,11 @@ class System:
         return 6 * (self.packet_time + self.processing)
 
     def timing(self) -> Timing:
-        """Return these times at the paper's bit rates, as a table and a figure."""
+        """Return the times of the link at the paper's bit rates, for a table and a figure."""
         return Timing(self)
 
     def signals(self) -> pd.DataFrame:
-        """Return the values that cross the link: who sets them, who reads them, on which hops."""
+        """Return the values that cross the link, with their sources, readers and hops."""
         rows = [
             (
                 value.number, value.name, value.kind, ", ".join(value.sources),
@@ -386,7 +387,7 @@ class System:
         counters reach the limit.
         """
         packet, process, rule = self.packet_time, self.processing, self.master
-        # RCS has already counted for SS since its last 0xDD.
+        # RCS has already counted since the last 0xDD from SS.
         rest = self._rest_time
         before = rest / rule.tick
         ticks = rule.n_ticks - ceil(before) - 1, rule.n_ticks - floor(before)
@@ -396,7 +397,7 @@ class System:
         first = self.idle_time - 2 * packet - 3 * process
         silent = (process + packet + wait[0] + first, process + packet + wait[1] + first)
         counted = (silent[0] + rest, silent[1] + rest)
-        # If SS dies after its last 0xDD, RCS counts from there, and later it also waits for BCS.
+        # If SS dies after its last 0xDD, RCS counts from that byte, and later also waits for BCS.
         again = rule.n_ticks * rule.tick
         anew = again + packet + 2 * process - rest
         if self.turn_timeout is not None:
@@ -471,7 +472,7 @@ class Timing:
     def table(self) -> pd.DataFrame:
         """Return one row per bit rate.
 
-        ``ticks`` is the largest number that a healthy slave counts, ``printed_margin`` and
+        ``ticks`` is the largest number that a healthy slave counts; ``printed_margin`` and
         ``intended_margin`` are the ticks left before the alarm under each rule.
         """
         limits = Supervision().n_ticks, Supervision.intended().n_ticks
