@@ -55,7 +55,7 @@ class Kernel:
         return 0
 
     def send_signal(self, number: int) -> None:
-        """Send a signal to the kernel, if it still runs."""
+        """Send a signal to the kernel, if it is still running."""
         with suppress(ProcessLookupError):
             os.kill(self.pid, number)
 

@@ -55,7 +55,7 @@ class Master:
         0, 7, help="Number of immediate repetitions of a failed request", default=1, kw_only=True
     )
     drop_after: int = whole(
-        1, 1000, help="Number of cycles in a row with failed data exchange that drop a slave",
+        1, 1000, help="Failed data exchanges in consecutive cycles after which a slave is dropped",
         default=3, kw_only=True,
     )  # fmt: skip
     automatic_addressing: bool = switch(

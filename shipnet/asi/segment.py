@@ -408,7 +408,7 @@ def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
     for cable in cables:
         ends = frozenset((cable.a, cable.b))
         if ends in laid:
-            faults.append((cable, f"{cable} joins two nodes that already have a cable"))
+            faults.append((cable, f"{cable} joins two nodes that another cable already joins"))
         elif not groups.join(cable.a, cable.b):
             closing.append(cable)
         laid.add(ends)

@@ -596,7 +596,7 @@ def _object_row(kind: int, part: bytes, begin: float) -> _Row:
 
 
 class _Objects:
-    """Iterator over the types and bytes of BLF objects; `place` is the end of the last object."""
+    """Iterator over the types and bytes of BLF objects; `place` is where the next is sought."""
 
     def __init__(self, data: bytes, place: int, most: int, fault: Callable[[str], None]) -> None:
         self.data, self.place, self.most, self.fault = data, place, most, fault

@@ -481,7 +481,7 @@ class Rule:
     asks: str = text("The requirement in words", default="", most=1000)
     applies: str = choice(tuple(APPLIES), "The points concerned", default="all")
     bound: str = choice(tuple(BOUNDS), "How a value compares with the limit", default="at most")
-    unit: str = text("Unit of the limit, which is that of the measure", default="")
+    unit: str = text("Unit of the limit: empty, or the unit of the measure", default="")
     host: bool = switch("Whether the time in the host is included", default=False)
     clause: str = text("Clause of the document", default="")
     edition: str = text("Edition of the document", default="")

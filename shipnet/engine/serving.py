@@ -65,7 +65,7 @@ def serve(
     rng: Any = 2024,
     **options: Any,
 ) -> Server:
-    """Serve the two boxes that the AMS polls as real Modbus slaves; for use in a ``with`` block.
+    """Serve, as real Modbus slaves, the two boxes that the AMS polls; for use in a ``with`` block.
 
     Parameters
     ----------

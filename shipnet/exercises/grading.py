@@ -302,7 +302,7 @@ class _HandIn:
             with suppress(ArgumentError):  # there is no such lesson
                 keys += [one.key for one in exercises(lesson)]
         if not keys:
-            self.flags += [] if self.flags else ["no check of an exercise"]
+            self.flags += [] if self.flags else ["no exercise check found"]
             return
         checks = {number for _, number in self.checks.values()}
         cells = ["pass" if n in checks else cell for n, cell in enumerate(self.cells)]

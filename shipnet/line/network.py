@@ -67,7 +67,7 @@ class CableRun:
             raise ArgumentError(f"{self} ends where it begins; its two nodes must differ")
         if not isinstance(self.cable, Cable) and self.cable not in CABLES:
             raise ArgumentError(
-                f"cable of {self} is {self.cable!r}; it must be a Cable or one of "
+                f"the type of {self} is {self.cable!r}; it must be a Cable or one of "
                 f"{', '.join(CABLES)}"
             )
 
@@ -195,7 +195,7 @@ class Network:
             group += range(len(group), len(self._index))
             pair = (i, j) if i < j else (j, i)
             if pair in ends:
-                raise ArgumentError(f"{run} joins two nodes that already have a cable")
+                raise ArgumentError(f"{run} joins two nodes that another cable already joins")
             ends.add(pair)
             one, other = _leader(group, i), _leader(group, j)
             if one == other:

@@ -135,7 +135,7 @@ _STRIP = 1 << 13
 
 
 class Rooted(NamedTuple):
-    """A network seen from one node; a ring without the run that closes it."""
+    """A network as a tree with a root; of a ring, the run that closes it is left out."""
 
     order: list[int]  # indices of the nodes, the root first, each after its parent
     parent: list[int]  # place in `order` of the parent of each node; -1 for the root

@@ -131,7 +131,7 @@ class Scan:
     >>> from shipnet import modbus
     >>> found = modbus.scan(24, registers=20, bit_rate=19200, dead=2, limit=1.0)
     >>> found
-    Scan(24 slaves, 2 dead: 2.765 s, more than 1 s)
+    Scan(24 slaves, 2 dead: 2.765 s, limit of 1 s exceeded)
     >>> round(found.dead_time, 3), round(found.slave_time, 3), found.max_slaves
     (1.005, 0.034, 0)
     """
@@ -184,7 +184,7 @@ class Scan:
         )
         if self.limit is None:
             return said
-        return f"{said}, {'at most' if self.ok else 'more than'} {self.limit:g} s"
+        return f"{said}, limit of {self.limit:g} s {'met' if self.ok else 'exceeded'}"
 
     def table(self) -> pd.DataFrame:
         """Return one row per common bit rate and one for the scan's own, indexed by ``bit_rate``.

@@ -83,8 +83,8 @@ class SerialLine:
     ) -> Waveform:
         """Return the level while frames are sent, as corners of a step function.
 
-        `gap` is the silence after each frame (one value, or one per frame), and `start` the silence
-        before the first [s]; both are t3.5 by default, but a single `gap` also applies to `start`.
+        `gap` is the silence after each frame (one value, or one per frame), `start` that before the
+        first [s]. The default of `gap` is t3.5; that of `start` is a single `gap`, else t3.5.
         """
         parts = [frames] if isinstance(frames, bytes | bytearray | memoryview) else list(frames)
         single = self.t35 if gap is None else gap

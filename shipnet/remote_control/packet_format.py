@@ -287,7 +287,7 @@ class PacketFormat:
         raise NotImplementedError
 
     def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
-        """Return whether form and CRC are correct, and the items."""
+        """Return, for each row, whether its form and its CRC are correct, and its items."""
         raise NotImplementedError
 
     def _accepts(self, numbers: Bytes) -> Bools:

@@ -68,7 +68,7 @@ def test_all_faults_of_a_plan_are_named_at_once():
             [Repeater("a", "b"), Repeater("a", "c"), Repeater("b", "d"), Repeater("a", "w")],
         )
     assert str(caught.value).split("; ") == [
-        "cable b - a joins two nodes that already have a cable",
+        "cable b - a joins two nodes that another cable already joins",
         "master at x: no cable reaches its node x",
         "supply at y: no cable reaches its node y",
         "slave 1 at z: no cable reaches its node z",

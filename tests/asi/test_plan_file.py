@@ -137,7 +137,7 @@ def test_structure_and_cell_faults_are_reported_together_if_all_cables_are_legal
     content = SMALL + "slave,hold,,,,3,,,,\nslave,deck,,,,x,,,,\ncable,deck,bridge,9,,,,,,\n"
     assert [fault.split(";")[0] for fault in faults(load, content)] == [
         "row 7, column address: 'x'",
-        "row 8: cable deck - bridge joins two nodes that already have a cable",
+        "row 8: cable deck - bridge joins two nodes that another cable already joins",
         "row 6: slave 3 at hold: no cable reaches its node hold",
     ]
     # If a cable cannot be read, what is connected to it is not reported as loose.

@@ -135,7 +135,7 @@ def test_what_a_teacher_should_look_at_is_flagged(tmp_path):
     assert "imports the code that checks answers" in flags["e.ipynb"]
     assert grades.loc["f.ipynb", "points"] == 1
     assert flags["g.ipynb"] == "not a readable notebook"
-    assert flags["h.ipynb"] == "no check of an exercise"
+    assert flags["h.ipynb"] == "no exercise check found"
 
 
 def test_the_command_writes_grades_and_what_is_not_correct(tmp_path, capsys):

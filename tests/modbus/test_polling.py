@@ -152,7 +152,7 @@ def test_a_limit_is_met_exactly_or_not():
         found = modbus.scan(24, registers=20, bit_rate=19200, dead=2, limit=limit)
         assert found.ok is ok and found.table().loc[19200, "met"] == ok
         assert found.max_slaves == (24 if ok else 23 if limit > 1 else 0)
-        assert ("at most" if ok else "more than") in found.verdict
+        assert ("met" if ok else "exceeded") in found.verdict
 
 
 def test_the_table_leaves_out_bit_rates_too_slow_for_the_time_out_and_adds_that_of_the_scan():

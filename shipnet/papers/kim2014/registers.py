@@ -65,7 +65,7 @@ STANDARD = {
 
 
 def message_table() -> pd.DataFrame:
-    """Return the printed and the standard messages, with the verdict of a standard decoder.
+    """Return each printed message, that of the standard, and what a decoder makes of the printed.
 
     The lengths are those in the MBAP header.
     """
