@@ -4,7 +4,7 @@ Both programs get the same plan of 2000 points, with one line per bus. The loop 
 box from the graph of cables, finds with networkx which points the cabinet still reaches, and puts
 the cable or box back. It evaluates only a sample of the failures: its results must equal those of
 shipnet, and its time is scaled up. The loop ignores supplies and short circuits, which shipnet
-covers; AS-i is therefore left out, because its results depend on them.
+covers. AS-i, whose results depend on both, is therefore left out.
 """
 
 import os

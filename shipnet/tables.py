@@ -416,7 +416,7 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
         ) from None
     try:
         with ZipFile(BytesIO(data)) as archive, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # it warns of ignored parts, such as pictures
+            warnings.simplefilter("ignore")  # openpyxl warns of ignored parts, such as pictures
             _check_parts(archive)
             book = openpyxl.load_workbook(BytesIO(data), read_only=True, data_only=True)
             try:

@@ -554,7 +554,7 @@ class Comparison:
         return np.array([bool(one.within_tolerance.all()) for one in self.qualities.values()])
 
     def plot(self, ax: Axes | None = None, *, label: str = "", **line: Any) -> Axes:
-        """Plot the weakest pulse and the ringing of each plan, by name if all names are numbers."""
+        """Plot weakest pulse and ringing over the plan names if all are numbers, else in order."""
         names = list(self.qualities)
         numbers = all(isinstance(name, int | float | np.number) for name in names)
         x = names if numbers else range(1, len(names) + 1)

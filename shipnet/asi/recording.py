@@ -60,8 +60,8 @@ class _Recorder:
             # Fade out the end, which would otherwise be a step.
             return u * np.minimum(1, 2 * np.linspace(1, 0, u.shape[-1]))
 
-        #: Voltages that a step of the master's current causes at each slave and at the scope
-        #: (a slave's step causes the same at the master), and those of slaves' steps at the scope.
+        #: Voltages that a step of the master's current causes at each slave (by reciprocity, also a
+        #: slave's step at the master) and at the scope, and those of slaves' steps at the scope.
         self.asked = heard(segment.head, places)
         self.scope = self.asked[:-1] if node == segment.head else heard(node, rows)
         self.strength = np.array([weak.get(slave.label, 1.0) for slave in segment.slaves])

@@ -340,7 +340,7 @@ class Segment:
         ]
 
     def quality(self, nodes: Sequence[str], *words: Sequence[str]) -> Quality:
-        """Return the quality of batches of telegrams between `head` and nodes, in their order."""
+        """Return the quality of batches of telegrams between `head` and nodes, which may repeat."""
         places = list(dict.fromkeys(nodes))
         found = quality_of(*self.waveforms(places, *words, dt=250e-9, before=5e-6, after=55e-6))
         rows = [places.index(node) for node in nodes]

@@ -319,8 +319,8 @@ class Run:
         """Return the age of inputs when they reach the master, one row per slave.
 
         ``least_s``, ``mean_s`` and ``longest_s`` are the times from a change of an input to the end
-        of the response that reports it. The changes are assumed at random times between the first
-        and the last successful cyclic exchange, also while the slave was dropped. ``update_s`` is
+        of the response that reports it. Changes are assumed to occur at random times from the first
+        to the last successful cyclic exchange, even while the slave was dropped. ``update_s`` is
         the longest time between two responses. For a slave that transfers values, converted as in
         `Cycle.response_time`, the times are those of one channel.
         """

@@ -569,7 +569,7 @@ class Client:
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """Responses of the valves: `rows` has the columns of `Status.table`; NaN if none arrived."""
+    """Responses: `rows`, one per valve, has the columns of `Status.table`; NaN if none arrived."""
 
     rows: pd.DataFrame
 

@@ -98,7 +98,7 @@ class _Clock:
         return gone
 
     def curve(self, span: int) -> tuple[Integers, Integers]:
-        """Return the window lengths at which the largest work in a window grows, and the growth."""
+        """Return the lengths at which the largest work in a closed window grows, and the growth."""
         begin = np.unique(self.latest[(self.latest >= 0) & (self.latest < self.hyperperiod)])
         first = np.searchsorted(self.event, begin, side="right") - 1
         count = np.searchsorted(self.event, begin + span, side="right") - first

@@ -251,7 +251,7 @@ class Reach:
 
     @cached_property
     def _joints(self) -> Integers:
-        """Device in a housing, and the housing or master to which it connects, shape (n, 2)."""
+        """Each device in a housing, and the housing or master that it connects to, shape (n, 2)."""
         segment = self.design.devices["segment"].to_numpy(str)
         master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
         joints = self._housings.copy()

@@ -258,7 +258,7 @@ class Feeders(NamedTuple):
 
     #: Cable of each feeder, by the number of its run.
     cable: Mapping[int, str]
-    #: Former supply of each run that is replaced by a supply beside the device at the run's end.
+    #: Former supply of each run that is replaced by a supply beside the device at its far end.
     own: Mapping[int, int]
     #: Supplies that no longer feed a device.
     idle: Collection[int]

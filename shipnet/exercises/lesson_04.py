@@ -100,7 +100,7 @@ def most_slaves(limit: float, repetitions: int) -> Solution:
     right = _most(limit, repetitions)
     return Whole(right, "slaves"), {
         "each repetition takes the time of one exchange": _most(limit, 0),
-        # Rounding up, or omitting the last pause and response or a request, gives this answer.
+        # Answer after rounding up, or omitting the last pause and response or an extra request.
         "add cycle, repetitions, pause and response for this number: is that within the limit?": (
             right + 1
         ),

@@ -286,7 +286,7 @@ class MarkerParser:
 
 
 def stuff(data: Bytes) -> Bytes:
-    """Encode rows of up to 254 bytes without any 0, by consistent overhead byte stuffing."""
+    """Encode rows of up to 254 bytes by consistent overhead byte stuffing, leaving no zeros."""
     # Every 0 becomes the distance to the next 0, and the distance to the first 0 precedes the data.
     n_rows, size = data.shape
     check_whole("length of data", size, 0, _SPAN)

@@ -132,8 +132,8 @@ def _found(
             wrong = np.logical_or(*_faults(reading, parity)).mean()
             gone = (len(head) - len(clean)) / len(head)
             score = wrong + gone + 2 * max(0.0, off - 0.5 * edges.width / own - 0.02)
-            # Prefer longer bits, as half the bit time also fits, and parity, as without it less can
-            # fail.
+            # Prefer longer bits, because half the bit time also fits, and parity, because without
+            # it only stop bits can be wrong.
             score += -0.5 * np.log2(own / runs.max()) + 0.02 * (parity == "N") - 0.01 * data
             best = min(best, (score, own, (data, parity)))
     return best[1:]

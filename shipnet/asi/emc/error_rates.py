@@ -315,7 +315,7 @@ _EXTRA = 2
 
 @checked
 def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.DataFrame:
-    r"""Return the effects on a network of exchanges that fail independently of each other.
+    r"""Return how exchanges that fail independently of each other affect a network.
 
     .. math:: q = p^2, \qquad T = T_c \left(\frac{1}{q} + \frac{1}{q^2} + \frac{1}{q^3}\right)
 

@@ -189,7 +189,7 @@ def row_is_found(*, code: str, channel: str, value: float, version: str = "print
     return is_right(code, codes)
 
 
-# V1 and V2 must be diagnosed with the valve at either end.
+# V1 and V2 must be diagnosed with the valve closed and with it open.
 @check("kim2014-029", code="V1", channel="OP", value=4.0, counter={"value": 2.0})
 @check("kim2014-031", code="V2", channel="DVPos", value=0.0, counter={"value": 11.0})
 def row_is_found_at_both_ends(*, code: str, channel: str, value: float) -> bool:

@@ -65,7 +65,7 @@ STANDARD = {
 
 
 def message_table() -> pd.DataFrame:
-    """Return each printed message, that of the standard, and what a decoder makes of the printed.
+    """Return each printed message, the standard's, and how a decoder reads the printed one.
 
     The lengths are those in the MBAP header.
     """

@@ -226,7 +226,7 @@ numeric("lee2012-098")(lambda *, widths=_WIDTHS["response"]: sum(widths))
 
 @numeric("lee2012-057")
 def time_to_response(*, request: int = 8, response: int = 8, rate: float = BIT_RATE) -> float:
-    """Time from the start of a request to the end of the response in Fig 4, no processing [us]."""
+    """Time from a request's start to the end of the response in Fig 4, without processing [us]."""
     line = _serial(rate)
     return 1e6 * (line.frame_time(request) + line.t35 + line.frame_time(response))
 
