@@ -215,7 +215,7 @@ def tested_page(root: Path) -> str:
     ]
     for sign, why in (
         ("synthetic_", "synthetic, made by us"),
-        ("_assumed_", "assumed by us, because kim2014 gives no values"),
+        ("_assumed_", "assumed in part by us, because kim2014 does not give every value"),
     ):
         counts.append(("data files", len(names), sum(sign in name for name in names), why))
     sources = (_row([(str(cell), "") for cell in row]) for row in counts)
