@@ -37,7 +37,7 @@ class Fault:
 
 
 def as_faults(faults: Any, *kinds: type) -> tuple[Any, ...]:
-    """Return one or several faults as a tuple, or raise if one is not of the `kinds`."""
+    """Return one or more faults as a tuple, or raise if one is not of the `kinds`."""
     kinds = kinds or (Fault,)
     known = ", ".join(sorted(kind.__name__ for kind in kinds))
     try:

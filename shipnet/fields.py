@@ -284,7 +284,7 @@ class Text(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class Series(Kind):
-    """A sequence of up to `most` of the strings in `known`; its controls are buttons."""
+    """At most `most` strings from `known`, which may repeat; the controls are buttons."""
 
     known: tuple[str, ...]
     most: int
@@ -359,12 +359,12 @@ def _ranged(
 
 
 def number(low: float, high: float, unit: str = "", help: str = "", **options: Any) -> Any:
-    """Declare a `Number` of `low` to `high`; `slider` is the range that its control shows."""
+    """Declare a `Number` from `low` to `high`; `slider` is the range of its slider."""
     return _ranged(Number, low, high, unit, help, **options)
 
 
 def whole(low: int, high: int, unit: str = "", help: str = "", **options: Any) -> Any:
-    """Declare a `Whole` number of `low` to `high`; `slider` is the range that its control shows."""
+    """Declare a `Whole` number from `low` to `high`; `slider` is the range of its slider."""
     return _ranged(Whole, low, high, unit, help, **options)
 
 

@@ -322,7 +322,7 @@ class _Folder:
         return read
 
     def save(self, check: bool = False) -> None:
-        """Write new results; with `check`, only test whether the folder can be written."""
+        """Write new results or, with `check`, at least test whether the folder is writable."""
         if not self._new and not check:
             return
         text = json.dumps({"study": self._mark, "results": self._new})

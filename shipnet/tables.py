@@ -208,7 +208,7 @@ def parse_sheet(
 def _top(
     lines: Sequence[str], is_titles: Callable[[Sequence[str]], float]
 ) -> tuple[int, str] | None:
-    """Return the line with the best row of titles, and its separator."""
+    """Return the index of the line most likely to contain the column titles, and its separator."""
     best: tuple[float, tuple[int, str] | None] = (0, None)
     for place, line in enumerate(lines[:_TOP]):
         # The first line may name the separator.
@@ -240,8 +240,8 @@ def read_sheet(
 ) -> Sheet:
     """Read a CSV file or a sheet of an Excel workbook, detected by content.
 
-    By default, the visible sheet with the best row of titles is read; a remark names it. Formulas
-    are read as the values saved with them; merged cells are repeated in each of their rows.
+    By default, the visible sheet with the most likely row of titles is read; a remark names it.
+    Formulas are read as their saved values; merged cells are repeated in each of their rows.
     `is_titles` and `what` are as in `parse_sheet`.
     """
     source, data = str(path), read_bytes(path)
@@ -301,7 +301,7 @@ def _workbook(
 def _best_row(
     book: _Workbook, title: str, is_titles: Callable[[Sequence[str]], float]
 ) -> tuple[float, int]:
-    """Return the `is_titles` value and the number of a sheet's best row of titles."""
+    """Return the `is_titles` value and number of the row most likely to contain the titles."""
     best = (0.0, 0)
     for number, cells, _ in book.rows(title):
         if number > _TOP:

@@ -1,7 +1,8 @@
 """Line voltage -> pulses -> bits: the receiver of a master or a slave, for many telegrams at once.
 
 A receiver waits for the first pulse and then samples the line once every half-bit. A sample larger
-than half of the first pulse counts as a pulse. The seven checks of `shipnet.asi.modulation` follow.
+than half of the first pulse counts as a pulse. The receiver then makes the seven checks of
+`shipnet.asi.modulation`.
 """
 
 from __future__ import annotations

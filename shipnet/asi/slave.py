@@ -197,8 +197,8 @@ class Slave:
 
 # Requests as slaves read them ------------------------------------------------------------------
 
-#: The kinds of slave by their half: a standard slave, an A and a B slave. The bits that carry four
-#: outputs to a standard slave carry three outputs and the select bit to an A/B slave.
+#: Kinds of slave, by half: None for a standard slave, "A" or "B" for an A/B slave. The bits that
+#: carry four outputs to a standard slave carry three outputs and the select bit to an A/B slave.
 KINDS: tuple[Half | None, ...] = (None, "A", "B")
 
 #: Calls that can change which slave is at which address.
@@ -351,7 +351,7 @@ class RunningSlave:
 
     @property
     def half(self) -> Half | None:
-        """The half of its address, A or B; None for a standard slave."""
+        """The half of the address that the slave uses, A or B; None for a standard slave."""
         return KINDS[self.kind]
 
     @property

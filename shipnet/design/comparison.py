@@ -229,7 +229,7 @@ class Comparison:
         return Findings(_by_design({name: found.table() for name, found in self._checked.items()}))
 
     def failures(self) -> pd.DataFrame:
-        """Return the points lost by each single failure of each design, worst first."""
+        """Return the points lost in each single failure of each design, worst first."""
         return _by_design({name: design.failures() for name, design in self.designs.items()})
 
     def reasons(self) -> pd.DataFrame:

@@ -94,7 +94,7 @@ class Design(Layout):
         return check(self, self._failures, rules, host_time=host_time)
 
     def failures(self) -> pd.DataFrame:
-        """Return the points lost by each single failure, the worst first."""
+        """Return the points lost in each single failure, the worst first."""
         ranked = self._failures.sort_values("points_lost", ascending=False, kind="stable")
         return ranked.reset_index(drop=True)
 
@@ -106,7 +106,7 @@ class Design(Layout):
     def lost(
         self, *, cables: Collection[str] = (), devices: Collection[str] = ()
     ) -> tuple[str, ...]:
-        """Return the tags of the points lost by several simultaneous failures."""
+        """Return the tags of the points lost in several simultaneous failures."""
         return failures.lost(self, cables=cables, devices=devices)
 
     def tables(self) -> dict[str, pd.DataFrame]:

@@ -1,4 +1,4 @@
-"""The points lost by each single failure of a design: every cable and device, one at a time."""
+"""The points lost in each single failure of a design, that is, when one cable or device fails."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Reach:
         return dict(zip(run[mine].tolist(), point[mine].tolist(), strict=True))
 
     def lost(self, failures: Sequence[Failure]) -> list[Integers]:
-        """Return the indices of the points lost by each failure.
+        """Return the indices of the points lost in each failure.
 
         A failure has no effect outside its area. Therefore failures in different areas are examined
         at the same time, and the area of a lost point shows which failure caused the loss.
@@ -390,7 +390,7 @@ FAILURES = ("cut", "short", "device")
 
 
 def single_failures(design: Layout) -> pd.DataFrame:
-    """Return the points and systems lost by each single failure of a planned design."""
+    """Return the points and systems lost in each single failure of a planned design."""
     reach = Reach(design)
     runs = design.cables[["run", "kind", "segment", "line"]].to_numpy(object).tolist()
     devices = design.devices[["device", "kind", "segment"]].to_numpy(object).tolist()
@@ -421,7 +421,7 @@ def single_failures(design: Layout) -> pd.DataFrame:
 def lost(
     design: Layout, *, cables: Collection[str] = (), devices: Collection[str] = ()
 ) -> tuple[str, ...]:
-    """Return the points lost by several simultaneous failures."""
+    """Return the points lost in several simultaneous failures."""
     failed: list[list[int]] = []
     unknown: list[str] = []
     for what, names, known in (

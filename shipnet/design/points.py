@@ -420,7 +420,7 @@ _CATEGORIES = {
     for word in (name, str(number), f"cat {name}", f"cat {number}", f"category {name}")
 }
 
-#: A signal, its mark of intrinsic safety, and the faults of the point by column.
+#: A signal, its intrinsic-safety marking, and the faults of the point by column.
 _Found = tuple[str, str, list[tuple[str, str]]]
 
 
@@ -494,7 +494,7 @@ def _look_up(cells: Cells, name: str, known: Mapping[str, str], expected: str) -
 
 
 def _signals(cells: Cells, kinds: list[str], safety: list[str]) -> list[str]:
-    """Return the signal of each point, and add marks of intrinsic safety to `safety`."""
+    """Return the signal of each point, and add intrinsic-safety markings to `safety`."""
     # A list has few distinct signals, so each is looked up once.
     known: dict[tuple[str, str, str, str], _Found] = {}
     signals: list[str] = []

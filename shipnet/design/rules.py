@@ -280,7 +280,7 @@ def _fed(value: Callable[[pd.DataFrame], pd.Series[float]]) -> _Compute:
             source_v=devices["supply"].map(supplies.set_index("supply")["voltage_v"]),
             most_a=devices["run"].map(cable.map(lambda name: known[name].current)),
         )
-        return _most(value(table), table["device"], "no supply feeds a device")
+        return _most(value(table), table["device"], "no supply feeds any device")
 
     return compute
 
@@ -347,7 +347,7 @@ def _units(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     devices = facts.fed[1]
     # An excess over a whole unit is ignored if it is only a rounding error.
     units = np.ceil(devices["load_a"] / LOAD_UNIT - 1e-9).groupby(devices["supply"]).sum()
-    return _most(units, units.index.to_series(), "no supply feeds a device")
+    return _most(units, units.index.to_series(), "no supply feeds any device")
 
 
 def _terminators(facts: Facts, concerned: Bools, host: bool) -> Outcome:

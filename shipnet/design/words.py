@@ -308,7 +308,7 @@ _SAFE = re.compile(
 
 
 def without_safety(word: str) -> tuple[str, str]:
-    """Return a signal without its mark of intrinsic safety, and the mark."""
+    """Return a signal without its intrinsic-safety marking, and the marking."""
     found = None if meanings(word) else _SAFE.search(word)
     if found is None:
         return word, ""

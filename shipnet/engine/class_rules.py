@@ -251,7 +251,7 @@ def _repeats(system: Description, protocols: tuple[str, ...]) -> _Outcome:
     # A CAN controller repeats a frame until it succeeds; ISO 11898-1. A Modbus master may retry.
     asked = [name for name in protocols if name != "CAN"]
     if not asked:
-        return inf, "CAN controllers repeat frames by themselves"
+        return inf, "CAN controllers retransmit frames automatically"
     if system.poll is None or not system.retries_known:
         return nan, f"retries of {asked[0]} are not described"
     return system.poll.retries, f"retries of {asked[0]}"

@@ -49,7 +49,7 @@ class Cpu:
         return np.asarray(time - taken, dtype=np.int64)
 
     def at(self, left: Integers) -> Integers:
-        """Return when a CPU time is reached, before any interrupt that begins at that time [ns]."""
+        """Return when the CPU time reaches `left` [ns]; interrupts that begin then do not count."""
         begun = np.searchsorted(self._left, left, side="left")
         return np.asarray(left + self.length * begun, dtype=np.int64)
 
@@ -136,7 +136,7 @@ class Views(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """The views of a point on the AMS, one entry per view, from `seen` to `until` [ns].
+    """What the AMS shows for a point, one entry per view, from `seen` to `until` [ns].
 
     `sampled` is the sampling time of the value. The value is shown as good until `good_until`,
     which equals `seen` if it is marked from the start.
@@ -351,7 +351,7 @@ class Run:
         )
 
     def shown(self, tag: str) -> Shown:
-        """Return the views of a point on the AMS over time."""
+        """Return what the AMS shows for a point over time."""
         return self._shown(self._place(tag))
 
     def _place(self, tag: str) -> int:

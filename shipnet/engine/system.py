@@ -650,7 +650,7 @@ class System:
         }
 
     def check_faults(self, faults: Fault | Iterable[Fault]) -> tuple[EngineFault, ...]:
-        """Return one or several faults as a tuple; raise if the system has no such place."""
+        """Return one or more faults as a tuple; raise ArgumentError if one has an unknown place."""
         found: list[EngineFault] = []
         places = self.places
         for fault in as_faults(faults, *KINDS, *WIRES.values()):

@@ -90,7 +90,7 @@ def compare(
     used = {pair for rule in rules for pair in rule.antecedent}
     holds = {}
     for values, variable in zip(x, variables, strict=True):
-        # Values are clipped to the universe only for comparisons in the middle of the ramps.
+        # Values are clipped to the universe only if compared with the midpoints of the ramps.
         seen = np.clip(values, variable.low, variable.high) if midpoint else values
         for term in variable.terms:
             if (variable.name, term.name) in used:

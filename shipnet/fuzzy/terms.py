@@ -147,7 +147,8 @@ class Term:
         closed = (() if open_ends[0] else left) + (() if open_ends[1] else right)
         if not all(isfinite(corner) for corner in closed):
             raise ArgumentError(
-                f"corners are {corners}; only both left or both right corners may be infinite"
+                f"corners are {corners}; infinite corners must be "
+                "either the two left or the two right ones"
             )
         object.__setattr__(self, "corners", corners)
 

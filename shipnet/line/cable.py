@@ -142,7 +142,7 @@ class Cable(Valued):
         return _root(np.multiply(self.l, self.c))
 
     def series_impedance(self, s: npt.ArrayLike) -> Complexes:
-        """Return the impedance z of both wires per metre at complex frequencies s [ohm/m]."""
+        """Return the impedance z per metre [ohm/m] of both wires, at complex frequencies s."""
         s = np.asarray(s, dtype=complex)
         r, skin = np.expand_dims(self.r, -1), np.expand_dims(self.skin, -1)
         if np.any(skin > 0):
@@ -152,7 +152,7 @@ class Cable(Valued):
         return np.asarray(r + s * np.expand_dims(self.l, -1))
 
     def shunt_admittance(self, s: npt.ArrayLike) -> Complexes:
-        """Return the admittance y between the wires per metre at complex frequencies s [S/m]."""
+        """Return the admittance y per metre [S/m] between the wires, at complex frequencies s."""
         s = np.asarray(s, dtype=complex)
         return np.asarray(np.expand_dims(self.g, -1) + s * np.expand_dims(self.c, -1))
 

@@ -158,7 +158,7 @@ class Network:
     Parameters
     ----------
     runs : iterable of CableRun
-        Cables that form a tree, or a tree with one ring; at most one cable connects two nodes.
+        A tree of cables, or a tree with one ring, with at most one cable between any two nodes.
     loads : mapping of str to Load, optional
         The loads at the nodes.
 

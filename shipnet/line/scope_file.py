@@ -623,7 +623,8 @@ def _time_column(table: _Channels) -> int | None:
     for k, column in enumerate(table.columns):
         if column.unit == "s" or re.match(r"t(ime)?\b|x-axis", column.title.lower()):
             return k
-    # Without a title, a first column that only increases is the time.
+    # A first column without title or unit is taken to be the time if its values rise and never
+    # fall, unless it only numbers the samples.
     first = table.columns[0]
     if len(table.columns) == 1 or first.title or first.unit:
         return None
@@ -756,8 +757,8 @@ def _layout(tail: list[str]) -> _Layout:
 def _header(file: str, data: bytes, layout: _Layout) -> tuple[list[str], int]:
     """Return the lines above the numbers, and the byte at which the numbers begin.
 
-    They begin at three consecutive rows of numbers or blank lines; a header may have one or two
-    such rows.
+    The numbers begin at the first row of numbers whose next two lines, if the file has them, are
+    rows of numbers or blank; the header may contain one or two consecutive rows of numbers.
     """
     lines: list[str] = []
     starts: list[int] = []

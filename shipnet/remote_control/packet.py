@@ -157,7 +157,7 @@ class MarkerFormat(PacketFormat):
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
         r"""Return the fraction of packets accepted with errors.
 
-        Markers alone accept every packet whose m marker bytes are intact,
+        With markers alone, the receiver accepts every packet whose m marker bytes are intact,
 
         .. math:: P_u = (1 - p)^{8 m} \left( 1 - P_e - (1 - p)^{24 n} \right)
 

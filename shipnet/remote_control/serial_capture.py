@@ -144,11 +144,11 @@ class SerialCapture:
     """Characters of a recorded serial line, as returned by `read_capture`.
 
     `bit_rate` is the given or detected rate at which the line was read, and `measured_rate` the
-    sender's rate, computed from all edges [bit/s]. `character` contains data bits, parity and stop
-    bits, such as ``"8N1"``. `waveform` is the level including glitches, which
-    `modbus.Waveform.decode` can read with other settings; None for characters that do not have 8
-    bits. `duration` is the length of the record [s], and `channel` the channel of the file.
-    `glitches` counts removed pulses shorter than a third of a bit, and false starts.
+    sender's rate, computed from all edges [bit/s]. `character` gives the number of data bits, the
+    parity and the number of stop bits, such as ``"8N1"``. `waveform` is the level including
+    glitches, which `modbus.Waveform.decode` can read with other settings; None for characters that
+    do not have 8 bits. `duration` is the length of the record [s], and `channel` the channel of the
+    file. `glitches` counts removed pulses shorter than a third of a bit, and false starts.
 
     Examples
     --------

@@ -100,7 +100,7 @@ class Supervision:
 
     Every tick adds 1 to ``count``, and any 0xDD clears ``count`` and ``miss``. A ``count`` beyond
     its limit is cleared and adds 1 to ``miss``; a ``miss`` beyond its limit is a failure. With
-    limits c and m, the failure occurs at tick number
+    limits c and m, the partner is declared failed at tick number
 
     .. math:: N = (c + 1)(m + 1), \quad \text{or} \quad N = c \, m
 
@@ -142,15 +142,15 @@ class Supervision:
 
     @property
     def n_ticks(self) -> int:
-        """Ticks until the failure."""
+        """Ticks until the partner is declared failed."""
         return self.miss_ticks * (self.miss_limit + self.strict)
 
     @property
     def detection_time(self) -> tuple[float, float]:
-        """Shortest (excluded) and longest time from the last 0xDD to the failure [s].
+        """Limits of the time from a partner's last 0xDD until the partner is declared failed [s].
 
-        The time depends on the delay of the first tick, and applies to a station that does not
-        send.
+        The lower limit comes first and is exclusive. The time depends on the delay of the first
+        tick, and applies to a station that does not send.
         """
         return (self.n_ticks - 1) * self.tick, self.n_ticks * self.tick
 
@@ -458,7 +458,7 @@ class System:
 
     @property
     def _rest_time(self) -> float:
-        """Time from the last 0xDD of a packet until it has been processed [s]."""
+        """Time from the last 0xDD of a packet until the packet has been processed [s]."""
         last = (self.heartbeats()[-1] + 1) * self.character_time
         return self.packet_time - last + self.processing
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @checked
 class Tool:
-    """Base class of tools: a record whose fields are the controls of a page, with its results."""
+    """Base class of tools: their fields are a page's controls, and their properties the results."""
 
     #: The result that the tool computes from its inputs.
     result: Any

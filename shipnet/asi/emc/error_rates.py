@@ -305,8 +305,9 @@ def error_rate(
 
 # Cycles ---------------------------------------------------------------------------------------
 
-#: Tries per slave and cycle, and failed cycles in a row that drop a slave. Beckhoff,
-#: EL6201: three data exchange phases in a row; Siemens, AS-i analyser: six exchanges.
+#: Tries per slave and cycle, and the number of consecutive failed cycles after which a slave is
+#: dropped. Beckhoff, EL6201: three data exchange phases in a row; Siemens, AS-i analyser: six
+#: exchanges.
 TRIES, CYCLES = 2, 3
 
 #: Requests per cycle besides data exchange: management and inclusion, according to OMRON W357.

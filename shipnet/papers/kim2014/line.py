@@ -93,7 +93,7 @@ def scan_time(*, slaves: int = MAX_UNIT, rate: float) -> float:
 
 @check("kim2014-008", counter={"breaks": 2})
 def survives(*, breaks: int = 1, slaves: int = 5) -> bool:
-    """Whether every slave stays within reach wherever the loop has this many breaks."""
+    """Whether every slave remains reachable with this many breaks anywhere in the loop."""
     loop = Loop(slaves, status_poll())
     cuts = combinations(range(loop.n_sections), breaks)
     return not any(loop.reach([Break(section) for section in cut]).lost for cut in cuts)

@@ -388,7 +388,7 @@ def reset_is_acknowledged(*, call: Call = Call.RESET) -> bool:
     return ": 6" in asked.iloc[1] and asked.iloc[3] != "silence"
 
 
-# Section 3.4: bits, pauses and cycles in time.
+# Section 3.4: durations of bits, pauses and cycles.
 
 _PUBLISHED = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]
 

@@ -169,7 +169,7 @@ def reads_one_or_several(*, quantities: tuple[int, ...] = (1, 2, POINTS)) -> boo
 
 @check("lee2012-077", counter={"gap": 3.5})
 def joins_frames(*, gap: float = 3.0) -> bool:
-    """Whether a frame that follows another after this many characters is read as part of it."""
+    """Whether two frames separated by a silence of this many characters are read as one frame."""
     first, second = (read(1).rtu(unit) for unit in (JB1, JB3))
     separate = gap * LINE.character_time >= LINE.t35
     try:
@@ -206,7 +206,7 @@ def response_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
 
 
 def whole_poll(registers: int = POINTS, rate: float = BIT_RATE) -> Poll:
-    """Return the poll of one junction box for all points, one register per point."""
+    """Return a poll that reads all points from one junction box, one register per point."""
     return Poll(read(registers), _serial(rate), timeout=60)
 
 

@@ -81,7 +81,7 @@ def unit_is_known(
 
 @check("lee2012-071", counter={"called": "two-stroke"})
 def called_after_its_strokes(*, called: str = "two-stage") -> bool:
-    """Whether the name fits the number of strokes with which the engine reaches its class."""
+    """Whether the name gives the number of strokes whose computed power is closest to 13 MW."""
     powers = {strokes: 1e3 * power(strokes=strokes) for strokes in _NAMES}
     fits = min(powers, key=lambda strokes: abs(powers[strokes] - 13e6))
     return called == _NAMES[fits]

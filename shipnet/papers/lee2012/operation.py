@@ -62,7 +62,7 @@ def ams_sees_the_mark(*, dead: str = "JB2") -> bool:
 
 @check("lee2012-054", counter={"limit": 2.0})
 def shown_within(*, limit: float = 1.0, update_period: float = 0.0) -> bool:
-    """Whether a changed input shows at the AMS within this time [s] if boxes never wait."""
+    """Whether a changed input reaches the AMS within this time [s] with no wait between rounds."""
     return bool((System(update_period=update_period).worst_age()["worst_s"] <= limit).all())
 
 
