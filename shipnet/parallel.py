@@ -75,8 +75,8 @@ def compute(
     Parameters
     ----------
     function : callable
-        Called as ``function(task)``, or as ``function(task, rng)`` if there is a seed. For a
-        `folder` it must be importable, not a lambda.
+        Called as ``function(task)``, or as ``function(task, rng)`` if there is a seed. With a
+        `folder`, it must be importable, so it cannot be a lambda.
     tasks : iterable
         The arguments of the calls.
     seed : int, optional
