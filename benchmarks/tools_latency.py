@@ -101,6 +101,7 @@ def server(*options):
 
 
 def line(tool, first, live, used):
+    """Return the printed line of a tool."""
     return f"{tool:<20} {first:12.2f} s {live:8.2f} s (cpu {used:4.1f} s)"
 
 

@@ -31,7 +31,7 @@ from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
 
 #: What the results are based on.
-BASIS = "faults simulated to fit the rules: this verifies the code but does not validate the method"
+BASIS = "faults simulated by us to fit the rules: verifies the code, does not validate the method"
 
 #: A year [s].
 _YEAR = 365.25 * 86400

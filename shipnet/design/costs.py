@@ -151,7 +151,7 @@ _LABELS: Mapping[str, tuple[str, str]] = {
 
 #: Columns that decide which designs are Pareto-optimal (lower is better), and their names.
 CRITERIA = ("total_cost_eur", "worst_response_ms", "lost_by_failure")
-WEIGHED = "total cost, worst response and points lost by one failure"
+WEIGHED = "{}, {} and points {}".format(*(_LABELS[name][0] for name in CRITERIA))
 
 
 def label(column: str) -> str:

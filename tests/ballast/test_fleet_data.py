@@ -144,7 +144,7 @@ def test_every_file_says_that_it_is_synthetic(fleet):
     folder, _ = fleet
     for file in folder.rglob("*.parquet"):
         about = pq.read_schema(file).metadata
-        assert about[b"synthetic"].startswith(b"faults simulated to fit the rules")
+        assert about[b"synthetic"].startswith(b"faults simulated by us to fit the rules")
         assert about[b"made_by"] == f"shipnet {__version__}".encode()
         assert (about[b"seed"], about[b"faults_per_year"]) == (b"2024", b"50.0")
 
