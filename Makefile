@@ -13,7 +13,7 @@
 # make bench      compare speed with other programs; plot how main jobs scale: build/growth.html
 # make fuzz       feed hostile bytes to every reader and decoder (ten minutes)
 # make mutants    make small changes to the code; a test or the ledger must detect them (an hour)
-# make clients    test how Modbus clients of other makers handle faults on the wire (five minutes)
+# make clients    test how third-party Modbus clients handle faults on the wire (five minutes)
 # make lock       regenerate requirements.lock
 # make clean      remove everything that make created, except .venv and .tools
 
