@@ -101,7 +101,7 @@ class Requests(NamedTuple):
 
 @cache
 def _meanings() -> npt.NDArray[np.int8]:
-    """Return (call, address, data, half) of every information word, for either addressing mode."""
+    """Return (call, address, data, half) by addressing mode (1: extended) and information word."""
     meaning = np.full((2, 2**11, 4), NONE, dtype=np.int8)
     information = np.arange(2**11)[:, np.newaxis]
     bits, address = information >> np.arange(10, -1, -1) & 1, information[:, 0] >> 5 & 31

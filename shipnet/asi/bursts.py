@@ -29,11 +29,11 @@ SILENCE = 3.5 * HALF_BIT
 #: Lowest sampling rate after resampling [Hz]; the spectrum of the pulses extends to 0.7 MHz.
 _RATE = 4e6
 
-#: Length of a piece of a record [samples], overlap of two pieces [s], and length of the intervals
-#: whose means form the baseline [s]. Telegrams hardly change a mean: their pulses add up to 0.
+#: Length of a piece [samples], its extension at each end [s], and length of the intervals whose
+#: means form the baseline [s]. Telegrams hardly change a mean: their pulses add up to 0.
 _PIECE, _OVERLAP, _STRETCH = 2**20, 240e-6, 250e-6
 
-#: Length of the zeros added to each end of a piece, where telegrams may be cut off [s].
+#: Length [s] of the zeros added to each end of a piece, because telegrams may be cut off there.
 _MARGIN = 110e-6
 
 #: Smallest height of a pulse, relative to the largest pulse nearby; lower peaks are ringing. The
@@ -69,7 +69,7 @@ class Sampling(NamedTuple):
 class Piece(NamedTuple):
     """A piece of a record, resampled and with its baseline subtracted."""
 
-    #: Voltage [V] with `margin` zeros at both ends, and voltage after the matched filter [V].
+    #: Voltage [V] with `margin` zeros at each end, and voltage after the matched filter [V].
     around: Singles
     y: Singles
     margin: int
@@ -106,7 +106,7 @@ def pieces(
     numbers = range(-(-len(u) // length)) if only is None else only
     most = min(len(u), length + 2 * overlap)
     for place, number in enumerate(numbers):
-        # All pieces of a whole record share one buffer; each selected piece has its own.
+        # If all pieces are yielded, they share one buffer; each piece in `only` has its own.
         if place == 0 or only is not None:
             v = np.empty(most + _spare(sampling), np.float32)
             whole = np.zeros((2, most * sampling.up // group + 2 * margin), np.float32)
@@ -124,7 +124,7 @@ def pieces(
 
 
 def _spare(sampling: Sampling) -> int:
-    """Return the number of additional samples that the buffer of `resample` needs."""
+    """Return by how many samples the buffer `room` of `resample` must exceed the input."""
     _, mean, up, down = sampling
     return 5 * max(len(_lowpass(mean, up, down)), 16 * mean * down)
 
@@ -132,7 +132,7 @@ def _spare(sampling: Sampling) -> int:
 def resample(
     u: Floats, sampling: Sampling, room: Singles | None = None, out: Singles | None = None
 ) -> Singles:
-    """Return a resampled voltage minus its median; `room` and `out` are optional buffers."""
+    """Resample a voltage after subtracting its median; `room` and `out` are optional buffers."""
     # Filtering 30 V in single precision would lose small signals, so subtract the offset first.
     offset = _middle(u, 512)
     _, mean, up, down = sampling
@@ -162,8 +162,9 @@ def _middle(u: npt.NDArray[Any], looks: int) -> float:
 
 @cache
 def _lowpass(mean: int, up: int, down: int) -> Singles:
-    """Return a low-pass filter; it attenuates by 60 dB what would alias to below 0.7 MHz."""
-    # In a record sampled below 4 MS/s, noise is already aliased; the filter only interpolates.
+    """Return the taps of a filter that averages `mean` samples and then limits the bandwidth."""
+    # In a record sampled below 4 MS/s, noise is already aliased, and the filter only interpolates.
+    # Otherwise it attenuates by about 60 dB what decimation by `down` would alias to below 0.7 MHz.
     half = 8 * up if up > 1 else 3 * down if down > 1 else 0
     k = np.arange(-half, half + 1)
     taps = np.sinc(k / max(up, down)) * np.kaiser(len(k), 5.65)
@@ -171,7 +172,7 @@ def _lowpass(mean: int, up: int, down: int) -> Singles:
 
 
 def _flatten(x: Singles, step: float) -> None:
-    """Subtract the baseline: interpolated interval means, or the overall mean if `x` is short."""
+    """Subtract the baseline: the interpolated means of intervals, or the mean of a short `x`."""
     stretch = round(_STRETCH / step)
     count = len(x) // stretch
     if count < 3:
@@ -208,7 +209,7 @@ def smallest_pulses(sample: list[Piece]) -> Iterator[float]:
 
 
 def _noise(sample: list[Piece], typical: float) -> float:
-    """Return the standard deviation of the filtered voltage outside pulses [V]."""
+    """Return the standard deviation [V] of the filtered voltage between pulses."""
     from scipy.ndimage import binary_dilation
 
     idle = []
@@ -286,7 +287,7 @@ def _rejoin(
 #: Length [s] and number of the pieces that determine the smallest pulse and the polarity.
 _SAMPLE, _SAMPLES = 2e-3, 8
 
-#: Maximum number of pieces that `_liveliest` compares, and of telegrams received together.
+#: Maximum number of pieces that `_liveliest` compares, and of telegrams that wait for reception.
 _LOOKS, _TOGETHER = 512, 2000
 
 #: Number of batches of telegrams that are merged into one.
@@ -375,7 +376,7 @@ def find_telegrams(u: Floats, dt: float, threshold: float) -> Found:
 
 
 def _liveliest(u: Floats, dt: float) -> Indices:
-    """Return the indices of the short pieces, at most 8, in which the voltage varies most."""
+    """Return the indices of up to 8 short pieces among those in which the voltage varies most."""
     length = round(_SAMPLE / dt)
     count = -(-len(u) // length)
     if count <= _SAMPLES:
@@ -420,13 +421,13 @@ def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
 def _distance(
     times: npt.NDArray[np.floating], edges: Floats, side: Literal["left", "right"]
 ) -> npt.NDArray[np.floating]:
-    """Return the time since the last edge ("right") or the negative time to the next ("left")."""
+    """Return the time since the previous edge ("right") or minus the time to the next ("left")."""
     place = np.searchsorted(edges, times, side) - (side == "right")
     return times - edges[np.clip(place, 0, len(edges) - 1)]
 
 
 def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> tuple[float, int]:
-    """Return the smallest pulse [V] and the polarity that yield the most correct telegrams."""
+    """Return which of `limits` [V] and which polarity (1, -1) yield the most correct telegrams."""
     best, most = (0.0, 1), -1
     for minimum in limits:
         found = [find_bursts(piece, minimum) for piece in sample]

@@ -237,7 +237,7 @@ class Summary:
     unanswered: int
     seen: list[str]
     missing: list[str]
-    #: Labels at which the master searched for new slaves and found none.
+    #: Labels of addresses at which the master searched for new slaves and found none.
     vacant: list[str]
     errors: dict[str, int]
     cut_off: int
@@ -300,7 +300,7 @@ def _who(capture: Capture) -> pd.DataFrame:
     start = rows["start_s"].to_numpy()
     near = np.minimum(np.searchsorted(there, start - _SAME), len(there) - 1)
     near[~(np.abs(start - there[near]) < _SAME) | (read.error[near] > 0) | ~bad] = -1
-    # All bad requests with the same bits have the same meaning.
+    # Bad requests with the same received bits are taken to be the same request.
     texts = rows["request"].tolist()
     meant = {texts[row]: int(near[row]) for row in np.flatnonzero(near >= 0)}
     for row in np.flatnonzero(bad & rows["request"].isin(meant).to_numpy()):
@@ -407,7 +407,7 @@ class Capture:
 
     @property
     def slaves(self) -> pd.DataFrame:
-        """Table of responses, errors, level, evenness and ringing, with one row per polled slave.
+        """Responses, errors, level, evenness and ringing of each slave that is polled or responds.
 
         Requests that cannot be attributed to a slave are counted in the row ``"unknown"``.
         """
@@ -429,8 +429,9 @@ class Capture:
     def check(self, plan: Plan | None = None) -> Findings:
         """Check level, evenness, ringing and errors of requests and responses against limits.
 
-        The level is the height of the first pulse: 1.5..4 V (half of 3..8 V peak to peak). The
-        supply is checked if the record is DC coupled. All slaves of a `plan` must have responded.
+        The level is the height of the first pulse; its limits are 1.5 V and, for responses, 4 V
+        (half of 3 V and 8 V peak to peak). The supply is checked if the record is DC coupled. All
+        slaves of a `plan` must have responded.
         """
         return Findings(_judged(self, plan))
 
@@ -624,7 +625,7 @@ def _counted(capture: Capture) -> pd.DataFrame:
     data = (call == "data exchange") & (slave != UNKNOWN)
     failed = (~request.isin(_FINE) | ~response.isin(_FINE))[data].groupby(slave[data])
     runs = [run for _, tries in failed for run in "".join(map("01".__getitem__, tries)).split("0")]
-    # A master drops a slave after two failed tries in each of three cycles.
+    # A master drops a slave after two failed tries in each of three consecutive cycles.
     dropped = sum(len(run) >= 6 for run in runs)
     unexpected = table["text"].str.endswith("where none is expected")
     asked = int((table["request"] != "").sum())
@@ -650,7 +651,7 @@ def _counted(capture: Capture) -> pd.DataFrame:
 
 
 def _power_fails(capture: Capture) -> float:
-    """Return how often the 250 us mean voltage falls below `POWER_FAIL`; NaN if AC coupled."""
+    """Return how often the mean voltage over 250 us falls below `POWER_FAIL`; NaN if AC coupled."""
     if np.isnan(capture.supply_voltage):
         return float("nan")
     length = max(1, min(len(capture.wave.u), round(250e-6 / capture.wave.dt)))
@@ -685,7 +686,7 @@ def decode(
     sample_interval : float, optional
         Sampling interval that replaces the one in the file [s].
     threshold : float, default 0.5
-        Smallest pulse, relative to the first pulse of the telegram; above 0 and below 1.
+        Smallest height of a pulse, relative to the telegram's first pulse; above 0 and below 1.
     extended : collection of int, optional
         Addresses of A/B slaves, which cannot be inferred from telegrams (see `Request.parse`).
 

@@ -1,9 +1,9 @@
 """Find the causes of a line's faults from its impedance and its slaves' responses.
 
-The spectrum of the voltage, divided by the spectrum of an undistorted telegram, is the magnitude of
-the line's impedance. A passive impedance has minimum phase, so this magnitude determines a filter
-that restores the pulses. The restored requests and the recorded voltage then give the impedance at
-the master, modelled as one resistance, inductance and capacitance in parallel.
+The spectrum of the voltage, divided by that of an undistorted telegram, is the magnitude of the
+line's impedance relative to an inductance. A passive impedance has minimum phase, so this magnitude
+determines a filter that restores the pulses. The restored requests and the recorded voltage give
+the impedance at the master, modelled as one resistance, inductance and capacitance in parallel.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _BEFORE, _WINDOW, _DAMPING = 5e-6, 100e-6, 3.0
 #: Minimum and maximum number of requests from which the impedance is measured.
 _FEWEST, _MOST = 3, 64
 
-#: Delays of the restored telegrams that are tried when the impedance is fitted [s].
+#: Trial delays [s] of the restored telegrams, for fitting the impedance.
 _LATE = np.arange(0.5e-6, 1.5e-6, 50e-9)
 
 
@@ -112,14 +112,14 @@ class Restored(NamedTuple):
 def restored(
     u: Floats, dt: float, asked: Floats, start: Floats, words: Integers, inverted: bool
 ) -> Restored:
-    """Restore up to 40 ms of a record, from 1 ms before the first request at `asked` [s].
+    """Restore up to 40 ms of a record, from 1 ms before its first request (at `asked[0]` [s]).
 
-    If fewer requests can be read afterwards, keep the earlier ones, `start` and `words`.
+    If fewer requests can be read afterwards than before, keep the earlier `start` [s] and `words`.
     """
     low = max(0, int((asked[0] - 1e-3) / dt)) if len(asked) else 0
     sampling = Sampling.of(dt)
     x = resample(u[low : low + round(_LONGEST / dt)], sampling).astype(float)
-    # Each resampled value is the mean of several samples, so its time is the middle of their times.
+    # Each resampled value is the mean of several samples, so its time is the mean of theirs.
     since, step = (low + (sampling.mean - 1) / 2) * dt, sampling.step
     middle = np.median(x) if len(x) else 0.0
     best = Restored(x - middle, since, step, start, words, inverted)
@@ -191,8 +191,7 @@ DUPLICATE = "duplicate address"
 WEAK = "weak slave"
 REVERSED = "reversed probe"
 
-#: Largest capacitance of a line that meets the rules [F]: 100 m at 80 nF/km (Lapp), and 62 slaves
-#: and a master with 50 pF each.
+#: Largest legal capacitance [F]: 100 m at 80 nF/km (Lapp), 62 slaves and a master at 50 pF each.
 _MOST_CAPACITANCE = 100 * 80e-12 + 63 * 50e-12
 
 #: Largest `misfit` (echoes) and `stray` (interference) of a healthy line; see `Impedance`.

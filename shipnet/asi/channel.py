@@ -1,4 +1,4 @@
-"""The simulated line between a master and its slaves, its disturbances and its traffic record."""
+"""Simulated line between a master and its slaves, with disturbances and a traffic record."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Record:
 
     @cached_property
     def cycle(self) -> Integers:
-        """Cycle number of each row; -1 before the first cycle."""
+        """Cycle number of each row; -1 in the phases before data exchange."""
         cycle = np.full(self.starts.size, -1, dtype=np.int64)
         if self.cycles:
             rows, numbers = np.array(self.cycles).T
@@ -164,13 +164,13 @@ class Station:
         self.lost_replies: dict[Call, int] = {}
         #: Number of active faults that disconnect the slave from the supply.
         self.cuts = 0
-        #: Sequence numbers of the last request to the slave and of the first after power-on.
+        #: Numbers of the last request to the slave, and of the first to any slave since power-on.
         self.heard, self.since = -1, 1
         #: Index of the slave's first disturbance among the disturbances of one phase.
         self.offset = 0
 
     def check_pause(self, transaction: Transaction, late: float = 0.0) -> None:
-        """Raise ArgumentError if a response could begin after the end of the next request."""
+        """Raise ArgumentError if `late` < 0 or a response may begin after the next request ends."""
         pause = self.pause + transaction.unsynchronised + late
         most = transaction.timeout + REQUEST_BITS
         if not (late >= 0 and pause < most):
@@ -224,7 +224,7 @@ class MasterStops(Exception):
 
 
 class Channel:
-    """Simulated line that transmits requests and replies, and tracks the simulated time.
+    """Simulated line that transmits requests and responses, and tracks the simulated time.
 
     For each request, only the slaves at its address are simulated. A slave that missed the previous
     request is unsynchronised. A test shows that simulating all slaves gives the same results.
@@ -255,8 +255,9 @@ class Channel:
         self._scheduled = 0
         self._next = _NEVER
         self._number = 0
-        #: Number of the last request hit by a late response; bits and start of that response.
+        #: Number of the last request that could not be read because of a late response.
         self._spoilt = -1
+        #: Bits and start time [bit] of a late response that may overlap the next request.
         self._ghost: tuple[str, float] | None = None
         self.locate()
 
@@ -266,7 +267,7 @@ class Channel:
         return self.time * self.transaction.bit_time
 
     def schedule(self, seconds: float, action: Callable[[], None]) -> None:
-        """Schedule an action for `seconds` [s]; simultaneous actions run in the order scheduled."""
+        """Schedule an action at time `seconds`; simultaneous actions run in the order scheduled."""
         self._scheduled += 1
         entry = (seconds / self.transaction.bit_time, self._scheduled, action)
         heapq.heappush(self._events, entry)
@@ -339,7 +340,7 @@ class Channel:
         return int(draw_disturbances(self._rng, 1, [station.rates], 1)[0, 0, 0, 0])
 
     def transact(self, order: PreparedRequest, attempt: int) -> int:
-        """Send a request and return the reply that the master receives."""
+        """Send a request and return the data that the master receives, or `SILENT` or `FAULTY`."""
         start, transaction = self.time, self.transaction
         end = start + REQUEST_BITS
         if end >= self._next:
@@ -416,7 +417,7 @@ class Channel:
     def _resolve(
         self, order: PreparedRequest, end: float, replies: list[tuple[int, float, int, Station]]
     ) -> tuple[int, float, float, int]:
-        """Return the reply as received, the shortest and the longest pause, and the error code."""
+        """Return the data, `SILENT` or `FAULTY`; shortest and longest pause; and the error code."""
         heard = []
         for data, pause, what, station in replies:
             left = station.lost_replies.get(order.request.call, 0)

@@ -1,6 +1,6 @@
 """Host commands, which a master carries out with one request per cycle in its management phase.
 
-`simulate` accepts pairs of time and command; `Run.commands` reports the outcomes.
+`simulate` accepts pairs (time [s], command); `Run.commands` reports the outcomes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ __all__ = ["ChangeAddress", "ReadCodes", "ResetSlave", "WriteParameter"]
 
 
 def _detected(lists: Lists, slave: str) -> int:
-    """Return the key of a slave; the command fails if the slave is not in the LDS."""
+    """Return the key of a slave; raise CommandFailed if the slave is not in the LDS."""
     if slave not in lists.lds:
         raise CommandFailed(f"slave {slave} is not in the LDS")
     return slave_key(slave)[0]
@@ -36,8 +36,8 @@ class ChangeAddress:
 
     Notes
     -----
-    The command fails if the LDS contains the new label, or another slave at address 0: both slaves
-    at address 0 would receive the new address.
+    The command fails if the new label is taken, or if the LDS contains another slave at address 0,
+    because both slaves at address 0 would then receive the new address.
 
     References
     ----------
@@ -50,7 +50,7 @@ class ChangeAddress:
     ChangeAddress(old='5', new='6')
     """
 
-    old: str = text('Label of the slave, "0" for a new one')
+    old: str = text('Label of the slave, "0" for a new slave')
     new: str = text("New label")
 
     def __post_init__(self) -> None:
@@ -72,17 +72,17 @@ class ChangeAddress:
             raise CommandFailed(f"address {self.new} is taken")
         if old:
             if 0 in lists.detected:
-                raise CommandFailed("a slave without an address is in the LDS")
+                raise CommandFailed("the LDS contains another slave at address 0")
             # If the slave keeps its address, the inclusion phase finds it again.
             lists.forget(old)
             yield prepared(Call.DELETE_ADDRESS, old >> 1, half=half_of(old, identity.profile))
-            # The reply may be lost although the address is deleted: check address 0.
+            # The response may be lost although the address was deleted, so check address 0.
             found = yield from identify(0)
             if found is None or found.profile != identity.profile:
                 raise CommandFailed(f"slave {self.old} did not delete its address")
             lists.note(0, found)
         if not (yield from move(lists, self.new)):
-            raise CommandFailed(f"slave {self.old} was not found at {self.new}")
+            raise CommandFailed(f"slave {self.old} was not found at address {self.new}")
         yield from activate(lists, new)
         return f"slave {self.old} is now slave {self.new}"
 
@@ -118,7 +118,7 @@ class ReadCodes(_OfSlave):
 
 @record
 class WriteParameter(_OfSlave):
-    """Set the parameter bits of a slave in the LDS, now and at each later activation.
+    """Set the parameter bits of a slave that is in the LDS, now and at each later activation.
 
     Examples
     --------
@@ -137,7 +137,7 @@ class WriteParameter(_OfSlave):
         lists.parameters[self.slave] = self.value
         echo = yield prepared(Call.WRITE_PARAMETER, key >> 1, self.value, slave_key(self.slave)[1])
         if echo < 0:
-            raise CommandFailed(f"slave {self.slave} does not answer")
+            raise CommandFailed(f"slave {self.slave} does not respond")
         return f"slave {self.slave} echoes {echo:X}"
 
 
@@ -156,6 +156,6 @@ class ResetSlave(_OfSlave):
         key = _detected(lists, self.slave)
         reply = yield prepared(Call.RESET, key >> 1, half=half_of(key, lists.detected[key].profile))
         if reply < 0:
-            raise CommandFailed(f"slave {self.slave} does not answer")
+            raise CommandFailed(f"slave {self.slave} does not respond")
         active = key in lists.detected and (yield from activate(lists, key))
         return f"slave {self.slave} was reset and is {'active' if active else 'not active'}"

@@ -131,14 +131,14 @@ class SupplyDip(LineFault):
             )
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Schedule the times at which all slaves are switched off and on, and stop the master."""
+        """Schedule the times at which all slaves are switched off and on, and the master's stop."""
         _switch(channel, stations.all, self.start, self.stop)
         channel.schedule(self.start, partial(channel.stop_master, self.stop))
 
 
 @record
 class LateAnswer(_OfSlave):
-    """A slave that responds too late.
+    """A slave that responds late.
 
     A response that begins after the master's time-out overlaps the next request. No slave then
     understands this request, except in one case in 360, in which all pulses of the response

@@ -1,7 +1,7 @@
 """AS-Interface master: settings, lists, tasks and phases.
 
-Internally, each slave has a key: twice its address, plus 1 for a B slave. The host uses labels. A
-task yields requests and receives a reply to each: four data bits, `SILENT` or `FAULTY`.
+Internally, each slave has a key: twice its address, plus 1 for a B slave. The host uses labels such
+as 12B. A task yields requests and receives a reply to each: four data bits, `SILENT` or `FAULTY`.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ class Master:
 
     Notes
     -----
-    By default, a slave is dropped after two failed tries in each of three consecutive cycles; an
-    analyser also counts a slave as lost after six failed tries [1]_. *Read I/O configuration* is
+    By default, a slave is dropped after two failed tries in each of three consecutive cycles; the
+    analyser in [1]_ also counts a slave as lost after six failed tries. *Read I/O configuration* is
     repeated after a faulty response but not after a missing one. The operating phases follow [2]_.
-    If the host has no command, the management phase reads the status of the slaves in turn.
+    If the host has no command, the master reads the status of one active slave per cycle, in turn.
     If the supply fails, the master stops; it restarts when the supply returns.
 
     References
@@ -55,8 +55,8 @@ class Master:
         0, 7, help="Number of immediate repetitions of a failed request", default=1, kw_only=True
     )
     drop_after: int = whole(
-        1, 1000, help="Failed data exchanges in consecutive cycles after which a slave is dropped",
-        default=3, kw_only=True,
+        1, 1000, help="Number of consecutive data exchanges that fail, repetitions included, "
+        "before a slave is dropped", default=3, kw_only=True,
     )  # fmt: skip
     automatic_addressing: bool = switch(
         "True if a new slave at address 0 replaces the only missing slave, provided that both "
@@ -108,7 +108,7 @@ def check_bits(what: str, label: str, value: int) -> int:
 
 
 class Identity(NamedTuple):
-    """The profile of a slave and its extended ID code 1, -1 if the slave has none."""
+    """The profile of a slave and its extended ID code 1, -1 if the code was not read."""
 
     profile: Profile
     id1: int
@@ -194,7 +194,7 @@ class Lists:
             self._change("LPF", key, faulty)
 
     def forget(self, key: int) -> None:
-        """Remove a slave from LDS, LAS and LPF, and its inputs from the host's data."""
+        """Remove a slave from the LDS, LAS and LPF, and its inputs from the host's data."""
         self.periphery(key, False)
         self.inputs.pop(key, None)
         if self.polls.pop(key, None):
@@ -219,19 +219,19 @@ class Lists:
 
 # Tasks -----------------------------------------------------------------------------------------
 
-#: Replies without data: no response in time, and an invalid response.
+#: Replies in place of data bits: no response before the time-out, and an invalid response.
 SILENT, FAULTY = -1, -2
 
 T = TypeVar("T")
 Task: TypeAlias = Generator[PreparedRequest, int, T]
 
-#: Maximum number of status requests while a slave stores its address: enough for 15 ms in the
-#: shortest cycle, which has a management request of 26 bit times and an inclusion request of 24.
+#: Maximum number of status requests while a slave stores its address: at one per cycle, enough for
+#: 15 ms even if the cycles contain nothing else and take only 26 bit times.
 _PATIENCE = 100
 
 
 def identify(key: int) -> Task[Identity | None]:
-    """Read the profile and ID code 1 of a slave; return None if the slave does not respond."""
+    """Read the profile and ID code 1 of a slave; return None if the profile cannot be read."""
     half: Half | None = "B" if key & 1 else None
     io = yield prepared(Call.READ_IO_CONFIGURATION, key >> 1, half=half)
     if io < 0:

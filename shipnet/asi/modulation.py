@@ -3,8 +3,8 @@
 A bit lasts two half-bits of 3 us. In Manchester code, the level falls in the middle of a 0 and
 rises in the middle of a 1. The sender draws more current at the low level. The supply's inductors
 turn each rise of the current into a negative voltage pulse and each fall into a positive one. A
-telegram of n bits has 2 n *slots*, one per half-bit. Pulses of alternating sign fill each odd slot
-(the middle of a bit) and each even slot between two equal bits. Two empty slots must follow.
+telegram of n bits has 2 n *slots*, one per half-bit, and is followed by two empty slots. Pulses of
+alternating sign fill each odd slot (the middle of a bit) and each even slot between two equal bits.
 """
 
 from __future__ import annotations
@@ -273,7 +273,7 @@ _SIGN = {-1: "-", 0: "no pulse", 1: "+"}
 
 
 def _write_bits(ax: Axes, bits: str, height: float, va: str = "center") -> None:
-    """Write each bit at the middle of its bit time."""
+    """Write each bit in the middle of its bit time."""
     for place, bit in enumerate(bits):
         middle = (2 * place + 1) * HALF_BIT * 1e6
         ax.text(middle, height, bit, ha="center", va=va, family="monospace")
@@ -296,7 +296,7 @@ class Pulses:
 
     Examples
     --------
-    A lost pulse rarely violates only one rule:
+    A lost pulse often violates several rules:
 
     >>> Pulses("0-+-0+-+0-+-0+").decode()
     '0011001'

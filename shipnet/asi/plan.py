@@ -75,7 +75,7 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
     "slave, failed": ("X", LIMIT["color"], 7),
 }
 
-#: Maximum number of slaves that are labelled in a drawing.
+#: Slaves are labelled in a drawing if there are at most this many.
 _NAMED = 12
 
 
@@ -262,17 +262,19 @@ class Plan:
         transaction: Transaction | None = None,
         limits: pd.DataFrame | None = None,
     ) -> PlanFindings:
-        """Check the plan against every rule of AS-i.
+        """Check the plan against the rules of AS-i.
 
         The rule ``update_time`` requires that each slave is polled at least every `wanted_cycle`
         [s]; without `wanted_cycle` it is omitted. `limits` is a table like that of `rule_limits`.
-        A segment without exactly one supply, or without a master on its line, has a row
-        ``voltages_and_signals`` with the verdict ``not verified`` and the reason.
+        A segment has a row ``voltages_and_signals`` with the verdict ``not verified`` and the
+        reason if its line has no master, or if the segment has slaves, or repeaters to further
+        segments, but not exactly one supply.
 
         Signal values are the worst of all responses and three requests; `quality` uses responses
         only. They are computed for nominal cables and assumed decoupling, send current and
         repeaters: they identify the critical slave, but its margin in millivolts is uncertain. The
-        limit of 500 m between two slaves follows from two repeaters on each side of the master.
+        limit of 500 m between two slaves is not a separate rule: it follows from segments of 100 m
+        and at most two repeaters on each side of the master.
         """
         return PlanFindings(check_lines(self.lines, wanted_cycle, transaction, limits), self)
 
@@ -422,8 +424,8 @@ class Plan:
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the plan with cable lengths to scale; slaves that violate a rule are red crosses.
 
-        The cables of a segment that violates a rule are red. A cable that closes a ring is dashed.
-        Slaves are labelled if there are at most 12.
+        The cables of a segment that violates a rule, or is not verified, are red. A cable that
+        closes a ring is dashed. Slaves are labelled if there are at most 12.
         """
         ax = style.axes(ax)
         table = None if findings is None else findings.table()
@@ -498,8 +500,8 @@ def read_plan(path: str | PathLike[str]) -> Plan:
     ----------
     path : path
         Table with column titles and one row per element: an Excel workbook, or text separated by
-        commas, semicolons or tabs in UTF-8, UTF-16 with a byte order mark, or Windows-1252. With
-        semicolons or tabs as separators, numbers may have decimal commas.
+        commas, semicolons or tabs and encoded in UTF-8, UTF-16 with a byte order mark, or
+        Windows-1252. With semicolons or tabs as separators, numbers may have decimal commas.
 
     Returns
     -------
@@ -550,11 +552,11 @@ class Comparison:
 
     @property
     def within_tolerance(self) -> Bools:
-        """True for each plan in which all slaves meet both tolerances."""
+        """True for each plan whose slaves all meet the tolerances of evenness and ringing."""
         return np.array([bool(one.within_tolerance.all()) for one in self.qualities.values()])
 
     def plot(self, ax: Axes | None = None, *, label: str = "", **line: Any) -> Axes:
-        """Plot weakest pulse and ringing over the plan names if all are numbers, else in order."""
+        """Plot weakest pulse and ringing over the names if all are numbers, else over 1, 2, ..."""
         names = list(self.qualities)
         numbers = all(isinstance(name, int | float | np.number) for name in names)
         x = names if numbers else range(1, len(names) + 1)

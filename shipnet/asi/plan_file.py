@@ -173,7 +173,7 @@ def _label(cell: str) -> str:
     return f"{key >> 1}{half or ''}"
 
 
-#: Functions that read the cells of some other columns, and descriptions of the legal cells.
+#: Other columns with restricted cells: the function that reads a cell, and the legal values.
 _READ: dict[str, tuple[Callable[[str], Any], str]] = {
     "address": (_label, "0 to 31, followed by A or B for an A/B slave"),
     "profile": (Profile.parse, "a profile such as S-7.A.E or S-0.F"),

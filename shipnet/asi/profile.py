@@ -68,7 +68,7 @@ class Profile:
 
     @property
     def output_bits(self) -> int:
-        """Number of output bits per request: 4, or 3 for an A/B slave (one is the select bit)."""
+        """Number of output bits per request: 4, or 3 for an A/B slave, which needs a select bit."""
         return 3 if self.extended else 4
 
     def __str__(self) -> str:

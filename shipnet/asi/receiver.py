@@ -30,7 +30,7 @@ from shipnet.line import waveform as line_waveform
 #: Arguments that `numpy.random.default_rng` accepts.
 RNGLike = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence | int
 
-#: Smallest voltage of a pulse [V]: 30 % of 1.5 V, half of the smallest legal signal.
+#: Smallest voltage of a pulse [V]: 30 % of 1.5 V, which is half of the smallest legal signal.
 MINIMUM = 0.45
 
 #: Legal sampling intervals [s]: the longest gives three samples per half-bit, the shortest
@@ -95,7 +95,7 @@ class Reception(NamedTuple):
         Smallest pulse divided by largest pulse, after the filter if the receiver has one.
     ringing : ndarray of float, shape (...)
         Largest voltage in the slots without a pulse, from the first pulse to two slots after the
-        telegram, divided by largest pulse; also after the filter.
+        telegram, divided by largest pulse; like `weakest`, after the filter if there is one.
     slots : ndarray of int8, shape (..., 2 n_bits + 2)
         Signs of the pulses: -1, 0 or +1.
 
@@ -174,9 +174,9 @@ class Receiver:
     """The receiver of a master or a slave, with four settings.
 
     As in [1]_, the threshold is relative to the first pulse, not to the largest so far. A wide
-    `window` includes edges of neighbouring pulses: on a line of 150 m, some telegrams that are
-    received with 0.1 are lost with 0.25. In noise, `minimum` should be four times the standard
-    deviation after the filter; otherwise noise before a telegram is mistaken for its first pulse.
+    `window` includes edges of neighbouring pulses: on a 150 m line, a window of 0.25 loses some
+    telegrams that are received with 0.1. In noise, `minimum` should be four times the noise's
+    standard deviation after the filter; if it is lower, noise may be mistaken for a first pulse.
     `RECEIVERS` contains some receivers by name, with the `source` of their values.
 
     References
@@ -200,7 +200,7 @@ class Receiver:
         0, 0.5, "half-bits", "The largest sample within this distance of a slot's middle counts",
         default=0.1,
     )  # fmt: skip
-    matched: bool = switch("True to filter with the shape of a pulse first", default=True)
+    matched: bool = switch("True to apply the matched filter first", default=True)
     minimum: float = number(0, 1e9, "V", "Smallest voltage of a pulse", default=MINIMUM)
     source: str = field(default="", kw_only=True, repr=False, compare=False)
 
@@ -209,7 +209,7 @@ class Receiver:
             raise ArgumentError(f"threshold is {self.threshold}; it must be between 0 and 1")
 
     def receive(self, wave: Waveform) -> Reception:
-        """Receive telegrams of known length; a bad one has an `error` but raises no exception."""
+        """Receive telegrams of known length; their errors are returned in `error`, not raised."""
         return receive(wave.u, wave.dt, wave.bits.shape[-1], **asdict(self))
 
 
@@ -223,13 +223,13 @@ RECEIVERS: Mapping[str, Receiver] = MappingProxyType(
         ),
         "noise-proof": Receiver(
             minimum=0.9,
-            source="ours: four standard deviations of 0.48 V in 2 MHz, 0.34 mV per root hertz, of "
+            source="ours: four times the rms noise, 0.48 V in 2 MHz (0.34 mV per root hertz), of "
             "which the filter leaves 47 %",
         ),
         "unfiltered": Receiver(
             matched=False,
             minimum=1.2,
-            source="ours: four standard deviations of 0.3 V in 2 MHz, 0.21 mV per root hertz",
+            source="ours: four times the rms noise, 0.3 V in 2 MHz (0.21 mV per root hertz)",
         ),
     }
 )
@@ -245,7 +245,7 @@ class Waveform(line_waveform.Waveform):
     u : ndarray of float, shape (n_t,), (n_telegrams, n_t) or (n_slaves, n_telegrams, n_t)
         Voltage [V].
     dt, start, names, description
-        As for `shipnet.line.Waveform`; names are those of the slaves.
+        As for `shipnet.line.Waveform`; `names` are the nodes of the slaves.
     bits : ndarray of int, shape (n_bits,) or (n_telegrams, n_bits)
         The 7 or 14 bits that were sent.
 
@@ -310,7 +310,7 @@ class Waveform(line_waveform.Waveform):
     def disturbed(
         self, disturbance: Disturbance, amplitude: float, rng: RNGLike | None = None
     ) -> Waveform:
-        """Return the waveform with a disturbance such as ``emc.Noise()`` on every telegram."""
+        """Return the waveform with a disturbance such as ``emc.Noise()`` added to each telegram."""
         amplitude = check_scalar("amplitude", amplitude, "V", 0, 1e9)
         rows = self.u.reshape(-1, self.u.shape[-1])
         added = self.disturbance(disturbance, amplitude, check_rng(rng), len(rows))
@@ -326,7 +326,7 @@ class Waveform(line_waveform.Waveform):
 
 
 def matched_filter(u: npt.ArrayLike, dt: float) -> Floats:
-    r"""Filter the line voltage with the shape of a pulse, the best filter in white noise.
+    r"""Filter the line voltage, less its mean, with the shape of a pulse: optimal in white noise.
 
     .. math:: y(t) = \frac{8}{3 T_h} \int_{-T_h/2}^{T_h/2}
               \cos^2 \frac{\pi \tau}{T_h} \; u(t + \tau) \, d\tau
@@ -442,7 +442,7 @@ def filtered(
     down: int = 1,
     out: npt.NDArray[Any] | None = None,
 ) -> npt.NDArray[Any]:
-    r"""Filter a row by block-wise matrix products; the row is 0 beyond its end.
+    r"""Filter a row by block-wise matrix products; beyond its end, the row is taken to be 0.
 
     .. math:: y_i = \sum_k h_{u k - d i} \, x_k, \qquad i = 0 \ldots size - 1
     """
@@ -472,14 +472,14 @@ def _band(taps: bytes, kind: str, outputs: int, up: int = 1, down: int = 1) -> n
 
 
 def _windows(rows: Floats, length: int, begin: Indices) -> Floats:
-    """Return the runs of `length` samples of contiguous rows that start at the indices `begin`."""
+    """Return runs of `length` samples that start at the flat indices `begin` of contiguous rows."""
     shape = max(0, rows.size - length + 1), length
     step = rows.strides[1:] * 2
     return np.lib.stride_tricks.as_strided(rows, shape, step, writeable=False)[begin]
 
 
 def _near(u: Floats, places: Indices, reach: int, taps: Floats) -> Floats:
-    """Return, along the first axis, the filtered samples within `reach` of `places` in each row."""
+    """Return filtered samples within `reach` of `places` (slot, row), along a new first axis."""
     before, n_t = reach + len(taps) // 2, u.shape[1]
     index = places + np.arange(-before, u.size - before, n_t)
     if before == reach:

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 #: Duration for which the voltage of a current step is computed [s]; no line rings longer.
 _RINGS = 250e-6
 
-#: Largest delay of a synchronised slave's response [s] (A2SI data sheet).
+#: Largest random delay of a response [s]: the range of delays in the A2SI data sheet.
 _LATE = 0.5e-6
 
-#: Silence before the first request, and times around a telegram that receivers process [s].
+#: Silence before the first request, and margins with which receivers process a telegram [s].
 _AHEAD, _BEFORE, _AFTER = 50e-6, 6e-6, 9e-6
 
 _TIMES = Transaction()
@@ -60,9 +60,10 @@ class _Recorder:
             # Fade out the end, which would otherwise be a step.
             return u * np.minimum(1, 2 * np.linspace(1, 0, u.shape[-1]))
 
-        #: Voltages that a step of the master's current causes at each slave (by reciprocity, also a
-        #: slave's step at the master) and at the scope, and those of slaves' steps at the scope.
+        #: Voltages [V] that a step of the master's current causes at each slave and at the scope;
+        #: by reciprocity, a step of a slave's current causes the same voltage at the master.
         self.asked = heard(segment.head, places)
+        #: Voltages [V] that a step of each slave's current causes at the scope.
         self.scope = self.asked[:-1] if node == segment.head else heard(node, rows)
         self.strength = np.array([weak.get(slave.label, 1.0) for slave in segment.slaves])
         self.known: dict[str, Floats] = {}
@@ -78,12 +79,12 @@ class _Recorder:
         """Ignore the phases of the master."""
 
     def put(self, rows: slice, telegram: Floats, start: int) -> None:
-        """Add a telegram, from sample `start`, to some rows of voltages."""
+        """Add a telegram to some rows of the voltages, beginning at sample `start`."""
         room = max(0, self.u.shape[1] - start)
         self.u[rows, start : start + telegram.shape[-1]] += telegram[..., :room]
 
     def request(self, bits: str) -> Floats:
-        """Return a request as received by slaves and scope; each request is computed once."""
+        """Return the voltages of a request at slaves and scope [V]; compute each request once."""
         if bits not in self.known:
             self.known[bits] = self.telegram(self.asked, bits)
         return self.known[bits]
@@ -104,7 +105,7 @@ class _Recorder:
         return ["" if error else text for text, error in zip(texts, heard.error, strict=True)]
 
     def transact(self, request: str, rng: np.random.Generator) -> int:
-        """Send a request, let the slaves respond to what they receive, and return the reply."""
+        """Send a request, let the slaves respond, and return their data, `SILENT` or `FAULTY`."""
         start, count, bit = self.at, len(self.slaves), 2 * self.slot
         self.put(slice(count + 1), self.request(request), start)
         end = start + REQUEST_BITS * bit

@@ -160,7 +160,7 @@ def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
     note = ""
     if segment.path:
         room = (MASTER_PAUSE_BITS[1] * BIT_TIME - answer - cable) / (2 * len(segment.path))
-        note = f"each repeater may delay by {room * 1e6:.1f} us"
+        note = f"each repeater may delay signals by up to {room * 1e6:.1f} us"
     yield "answer_delay", name, delay / BIT_TIME, None, note
 
 
@@ -168,7 +168,7 @@ def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
 def _slowest_answer() -> float:
     """Return the longest silence before the response of an asynchronous slave [s]."""
     times = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]
-    # The time is measured between the middles of two bits, so one bit time of it is not silent.
+    # Measured from mid-bit to mid-bit, the time includes two half-bits that are not silent.
     return float(times["edge to edge, asynchronous, most"]) * 1e-6 - BIT_TIME
 
 

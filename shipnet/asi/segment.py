@@ -58,8 +58,9 @@ class Supply:
 class Repeater:
     """A repeater, which couples two segments and passes telegrams but no current.
 
-    We found no manufacturer's figure for the delay; the default is one bit time. Two such repeaters
-    meet the time-out of 10 bit times; three exceed it. The current is assumed to equal a slave's.
+    We found no manufacturer's figure for the delay; the default is one bit time. With two such
+    repeaters in series, the slowest response meets the time-out of 10 bit times; with three, it
+    does not. The current is assumed to equal a slave's.
 
     Examples
     --------
@@ -82,7 +83,7 @@ class Repeater:
 
 @record
 class Terminator:
-    """A terminator or extension plug: a resistance in series with a capacitor, which blocks DC.
+    """A terminator or extension plug: a resistor in series with a capacitor, which blocks DC.
 
     The default resistance is assumed to equal the characteristic impedance of the cable.
 
@@ -126,7 +127,7 @@ def telegram_voltages(
     after: float = 18.5e-6,
     f_max: float = F_MAX,
 ) -> list[Floats]:
-    """Return the voltages of batches of equally long telegrams, each (n_nodes, n_words, n_t).
+    """Return voltages [V], shape (n_nodes, n_words, n_t), per batch of equally long telegrams.
 
     The voltages are those at the nodes if the master sends, and at the master if the nodes send. At
     the default `f_max` [Hz] their error is at most 5e-5 of the peak on networks of up to 300 m.
@@ -180,11 +181,11 @@ class Quality(NamedTuple):
     Attributes
     ----------
     level_least, level_most : ndarray of float, shape (n_slaves,)
-        Peak-to-peak signal [V].
+        Smallest and largest peak-to-peak voltage of a telegram [V].
     evenness : ndarray of float, shape (n_slaves,)
-        Smallest pulse divided by largest pulse of a telegram, 0..1; 0 if none is received.
+        Smallest pulse divided by largest pulse of a telegram, 0..1; 0 if no pulse is received.
     ringing : ndarray of float, shape (n_slaves,)
-        Largest voltage outside pulses divided by largest pulse; 1 if none is received.
+        Largest voltage outside pulses divided by largest pulse; 1 if no pulse is received.
     received : ndarray of float, shape (n_slaves,)
         Fraction of the telegrams that are received correctly, 0..1.
     slaves : tuple of str
@@ -224,7 +225,7 @@ class Quality(NamedTuple):
 
 
 def quality_of(*waves: Waveform) -> Quality:
-    """Return the quality of all telegrams in the waveforms, at each of the waveforms' nodes."""
+    """Return the quality at each node, over all telegrams of waveforms with the same nodes."""
     parts = []
     for wave in waves:
         heard = receive(wave.u, wave.dt, wave.bits.shape[-1])
@@ -254,11 +255,11 @@ class Segment:
     terminators: tuple[Terminator, ...]
     #: Repeaters, each with its node in this segment.
     ports: tuple[tuple[Repeater, str], ...]
-    #: Node of the master, or of the repeater toward it; None if the line has no master.
+    #: Node of the master, or of the repeater that leads to it; None if the line has no master.
     head: str | None
     #: Repeaters between the master and this segment.
     path: tuple[Repeater, ...]
-    #: Cable between the master and `head` [m].
+    #: Length of cable between the master and `head` [m].
     lead: float
 
     def __str__(self) -> str:
@@ -340,7 +341,7 @@ class Segment:
         ]
 
     def quality(self, nodes: Sequence[str], *words: Sequence[str]) -> Quality:
-        """Return the quality of batches of telegrams between `head` and nodes, which may repeat."""
+        """Return the quality of batches of telegrams between `head` and nodes; nodes may repeat."""
         places = list(dict.fromkeys(nodes))
         found = quality_of(*self.waveforms(places, *words, dt=250e-9, before=5e-6, after=55e-6))
         rows = [places.index(node) for node in nodes]
@@ -359,7 +360,7 @@ class Segment:
 
 
 class Groups:
-    """Disjoint groups of names (union-find, because loading scipy would slow down `read_plan`)."""
+    """Disjoint groups of names (union-find; loading scipy for it would slow down `read_plan`)."""
 
     def __init__(self) -> None:
         self._parent: dict[str, str] = {}
@@ -368,14 +369,14 @@ class Groups:
         return name in self._parent
 
     def leader(self, name: str) -> str:
-        """Return the name that represents a group; a new name forms a group of its own."""
+        """Return the name that represents the group of `name`; a new name forms its own group."""
         self._parent.setdefault(name, name)
         while self._parent[name] != name:
             self._parent[name] = name = self._parent[self._parent[name]]
         return name
 
     def join(self, a: str, b: str) -> bool:
-        """Join two groups; return True if they were different."""
+        """Join the groups of two names; return True if the groups were different."""
         a, b = self.leader(a), self.leader(b)
         self._parent[b] = a
         return a != b

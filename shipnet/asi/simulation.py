@@ -44,7 +44,7 @@ class Standby:
     """A second master that listens, and takes over when the first one falls silent.
 
     Its projected slaves must be given, because the four outputs of a standard slave look like the
-    three outputs and the select bit of an A/B slave. `silence` must exceed a working master's
+    three outputs and the select bit of an A/B slave. `silence` must exceed both a working master's
     time-out and its longest pause, 500 us. The default is assumed: no source states a value.
 
     References
@@ -166,7 +166,7 @@ class Run:
 
     @cached_property
     def _exchanges(self) -> pd.DataFrame:
-        """The data exchanges by slave and time, with times of sampling and receiving inputs [s]."""
+        """Data exchanges by slave and time, with times of reading and receiving the inputs [s]."""
         record, bit_time = self.record, self.record.transaction.bit_time
         slave = record.field(4, 7)
         rows = np.flatnonzero(record.field(0, 4) == Call.DATA_EXCHANGE)
@@ -199,8 +199,8 @@ class Run:
         """Draw requests and responses as blocks over time, with rows for the master and each slave.
 
         `where` is a condition on the events, such as ``"phase == 'data_exchange'"``; `start` and
-        `stop` are simulated times [s]. At most 500 requests are drawn. A wrong or missing response
-        is red; a repeated request is hatched and numbered.
+        `stop` are simulated times [s]. Together they must select 1 to 500 requests. A wrong or
+        missing response is red; a repeated request is hatched and numbered.
         """
         try:
             events = self._events if where is None else self._events.query(where)
@@ -357,7 +357,7 @@ class Run:
     def utilisation(self, update: float) -> Utilisation:
         """Return the utilisation after start-up if each point needs an update every `update` [s].
 
-        The capacity follows from the longest time between two responses of a slave.
+        The time in use is the longest time between two updates of a point divided by `update`.
         """
         check_scalar("update", update, "s", 1e-6, 1e6)
         record, times = self.record, self.response_times()
@@ -519,7 +519,7 @@ def simulate(
 
 
 def _check_progress(channel: Channel, begun: int) -> None:
-    """Raise ArgumentError if no cycle has begun since the last check, because no slave answers."""
+    """Raise ArgumentError if no cycle has begun since the last check, or schedule the next one."""
     if channel.begun == begun:
         raise ArgumentError(
             f"until is None, but no slave answers and no cycle begins for {_PATIENCE:g} s"
@@ -529,7 +529,7 @@ def _check_progress(channel: Channel, begun: int) -> None:
 
 
 def _places_of(plan: Plan) -> list[tuple[Slave, float, float]]:
-    """Return each slave with its distance from the master [m] and its signal delay [s]."""
+    """Return each slave with its distance from the master [m] and its total repeater delay [s]."""
     placed = {}
     for segment in plan.only_line("simulation"):
         delay = sum(repeater.delay for repeater in segment.path)
@@ -546,7 +546,7 @@ def _submit(leading: list[RunningMaster], command: Command) -> None:
 def _lead(
     channel: Channel, leading: list[RunningMaster], standby: Standby | None, most: float, end: float
 ) -> None:
-    """Let the master, and then the standby master, send requests until the end [bit]."""
+    """Let the master and then any standby master run for `most` cycles or until `end` [bit]."""
     master = leading[-1]
     program = master.run(channel)
     transact = channel.transact

@@ -43,7 +43,7 @@ WRITE_TIME = 15e-3
 
 
 def slave_key(label: str, name: str = "slave") -> tuple[int, Half | None]:
-    """Return the key (twice the address, plus 1 for a B slave) and the half that a label states."""
+    """Return a label's key (twice the address, plus 1 for a B slave) and half: A, B or None."""
     found = _key_and_half(label) if isinstance(label, str) else None
     if found is None:
         raise ArgumentError(
@@ -72,10 +72,10 @@ def label_of(key: int, *, extended: bool) -> str:
 class Slave:
     """A slave with its address, profile and node.
 
-    ID code A in the profile makes it an A/B slave. Without an ID code 2, it predates specification
-    2.1 and does not answer requests for extended ID codes. If the profile is omitted, the slave
-    has four inputs: ``S-0.A.F`` with A or B in the label, otherwise ``S-0.F.F``. Its default
-    load on the cable is the limit in a chip's data sheet.
+    ID code A in the profile makes it an A/B slave. A slave whose profile has no ID code 2 predates
+    specification 2.1 and does not respond to requests for extended ID codes. If the profile is
+    omitted, the slave has four inputs: ``S-0.A.F`` with A or B in the label, otherwise ``S-0.F.F``.
+    The default load on the cable consists of the limits in the data sheet of a slave chip.
 
     Examples
     --------
@@ -84,7 +84,7 @@ class Slave:
     >>> Slave("5").profile, Slave("5A").profile
     (Profile(io=0, id=15, id2=15), Profile(io=0, id=10, id2=15))
 
-    Its reactions to telegrams; an empty telegram is a pause:
+    How a slave reacts to telegrams; an empty string is a pause:
 
     >>> from shipnet import asi
     >>> request = asi.Request(asi.Call.READ_ID, 21).bits
@@ -142,7 +142,7 @@ class Slave:
 
     @property
     def half(self) -> Half | None:
-        """Its half of the address, A or B; None for a standard slave."""
+        """The half of the address that its label names, A or B; None if it names neither."""
         return slave_key(self.label)[1]
 
     def listen(self, telegrams: Iterable[str]) -> pd.DataFrame:
@@ -162,9 +162,9 @@ class Slave:
 
     @staticmethod
     def plot_states(ax: Axes | None = None) -> Axes:
-        """Draw the receive states with the events between them: icn2007's figure 3.19.
+        """Draw the receive states and the events that change them: icn2007's missing Fig 3.19.
 
-        An action of the slave follows its event after a slash.
+        A slash separates an event from the slave's action, if there is one.
         """
         ax = style.axes(ax, figsize=(7.5, 2.6))
         box = {"facecolor": style.FIELD["address"], "edgecolor": "0.3"}
@@ -180,7 +180,7 @@ class Slave:
             doing = f" / {ACTIONS[event]}" if event in ACTIONS else ""
             words[state, following].append(event.value + doing)
         for (begin, end), said in words.items():
-            # Arrows from RECEIVE are above those back to it, with their labels outside.
+            # Arrows from RECEIVE and their labels are above the centre line; all others are below.
             up = 1 if begin is State.RECEIVE else -1
             side = 1 if middles[end] > middles[begin] else -1
             x0, x1 = middles[begin] + side * 1.2, middles[end] - side * 1.2
@@ -208,7 +208,7 @@ _MOVING = (
 
 
 class PreparedRequest:
-    """A request with its bits and meaning, computed once and sent often."""
+    """A request that is sent many times; its bits and meaning are computed only once."""
 
     __slots__ = ("bits", "code", "expects", "moves", "reads", "request", "station")
 
@@ -216,9 +216,9 @@ class PreparedRequest:
     station: int
     #: Call, address, half and data in 4, 5, 2 and 5 bits, beginning with the lowest bit.
     code: int
-    #: The request as each of the `KINDS` of slave at this address reads it; None if not addressed.
+    #: How each of the `KINDS` of slave at this address reads the request; None if not addressed.
     reads: tuple[Request | None, ...]
-    #: Whether the call has a response, and whether it is one of `_MOVING`.
+    #: Whether the call has a response, and whether the call is one of `_MOVING`.
     expects: bool
     moves: bool
 
@@ -261,7 +261,7 @@ class State(Enum):
 
 
 class Event(Enum):
-    """Events on the line that change a slave's state."""
+    """Events on the line that can change a slave's receive state."""
 
     PAUSE = "any pause"
     SLAVE_PAUSE = "pause after the response"
@@ -272,7 +272,7 @@ class Event(Enum):
     SILENT = "call without answer"
 
 
-#: Actions of a slave at an event in the state RECEIVE.
+#: Actions that a slave in the state RECEIVE takes on an event.
 ACTIONS = {Event.OWN: "answer", Event.SILENT: "obey"}
 
 #: The next state, by current state and event; unlisted events leave the state unchanged. An
@@ -295,7 +295,7 @@ TRANSITIONS = {
 
 # The slave -------------------------------------------------------------------------------------
 
-#: Output and parameter bits after a reset: all set, the ports switched off (AS2702, p. 13).
+#: Output and parameter bits after a reset: all set, with the ports switched off (AS2702, p. 13).
 DEFAULT = 0xF
 
 
@@ -303,10 +303,10 @@ class RunningSlave:
     """The state of a running slave; times are simulated [s] and must not decrease."""
 
     # ZMD AG, "SAP5S/SAP51", data sheet rev. 3.1, 2012, pp. 39, 46, 47: after a reset a slave keeps
-    # its outputs off and does not answer *data exchange* until it receives *write parameter* (flag
-    # Data_Exchange_Disable); it echoes the ports that are outputs. Siemens, "IE/AS-INTERFACE LINK
-    # PN IO", manual, p. 169, warns of a loss of supply while a slave stores data; we infer that
-    # the slave returns at address 0 with its memory error flag set.
+    # its outputs off and does not respond to *data exchange* until it receives *write parameter*
+    # (flag Data_Exchange_Disable); its response echoes the bits of the output ports. Siemens,
+    # "IE/AS-INTERFACE LINK PN IO", manual, p. 169, warns of a loss of supply while a slave stores
+    # data; we infer that the slave restarts at address 0 with its memory error flag set.
 
     def __init__(self, settings: Slave) -> None:
         self.settings, self.profile = settings, settings.kind
@@ -360,7 +360,7 @@ class RunningSlave:
         return label_of(2 * self.address + (self.kind == 2), extended=self.extended)
 
     def status(self, time: float = 0.0) -> int:
-        """Return the status bits S3..S0 as in specification 2.1, 0..15."""
+        """Return the status bits S3..S0 of specification 2.1 as one number, 0..15."""
         volatile = self._stores(time) or self._stored != (self.address, self.id1)
         return volatile | self.periphery_fault << 1 | self.memory_error << 3
 
@@ -418,7 +418,7 @@ class RunningSlave:
             self._settle()
 
     def exchange(self, outputs: int, time: float) -> int:
-        """Carry out *data exchange*."""
+        """Carry out *data exchange* at `time` [s]; return the data of the response, or NONE."""
         if time > self._expires:
             self.rest(time)
         if not self.active:
@@ -475,7 +475,7 @@ class RunningSlave:
         return NONE
 
 
-#: Actions of the calls in the order of `Call`; their arguments are the data and the time.
+#: Functions that carry out the calls, in the order of `Call`, given the slave, data and time [s].
 #: Manufacturers lock the program mode, so no slave enters it.
 OBEY: tuple[Callable[[RunningSlave, int, float], int], ...] = (
     RunningSlave.exchange,

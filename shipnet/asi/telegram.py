@@ -34,7 +34,7 @@ from shipnet.lazy import Axes, pd
 
 
 class Answer(IntEnum):
-    """Responses that the standard fixes for every slave."""
+    """Responses that the standard prescribes for every slave."""
 
     DONE = 0x6
     ERASED = 0x0
@@ -44,8 +44,8 @@ class Answer(IntEnum):
 class Rule:
     """Bits, wording and response of a call; a pattern shows the bits between start and parity bit.
 
-    0 and 1 are fixed bits, ``a`` is a bit of the address and ``d`` one of the data; ``s`` is the
-    select bit of an A/B slave (A 0, B 1), and ``S`` the same bit inverted.
+    0 and 1 are fixed bits, ``a`` is an address bit and ``d`` a data bit; ``s`` is the select bit
+    of an A/B slave (0 for A, 1 for B), and ``S`` is its inverse.
     """
 
     title: str
@@ -57,13 +57,13 @@ class Rule:
     answer: str | Answer | None = None
 
     def layout(self, extended: bool) -> str:
-        """Return the pattern for an A/B slave, or for a standard one."""
+        """Return the pattern for an A/B slave if `extended`, otherwise for a standard slave."""
         return self.extended if extended and self.extended else self.pattern
 
 
 @cache
 def _reader(layout: str) -> re.Pattern[str]:
-    """Return a regular expression with one group per letter of a pattern."""
+    """Return a regular expression with one named group per distinct letter of a pattern."""
     return re.compile(re.sub(r"([adsS])\1*", lambda n: f"(?P<{n[1]}>[01]{{{len(n[0])}}})", layout))
 
 
@@ -84,7 +84,7 @@ class Call(IntEnum):
     _rule: Rule
 
     def __new__(cls, rule: Any) -> Call:
-        """Number the calls in their order."""
+        """Number the calls from 0 in the order of their definition."""
         call = int.__new__(cls, len(cls.__members__))
         call._value_, call._rule = len(cls.__members__), rule
         return call
@@ -182,7 +182,7 @@ _PLACES = ["CB", "A4", "A3", "A2", "A1", "A0", "I4", "I3", "I2", "I1", "I0"]
 
 
 def frame(information: str) -> str:
-    """Return a telegram: start, parity and end bit around the information bits."""
+    """Return a telegram: start bit, the bits of `information`, parity bit and end bit."""
     return f"0{information}{information.count('1') % 2}1"
 
 
@@ -191,7 +191,7 @@ def _call(value: Call | int) -> Call:
 
 
 def information_of(bits: str, length: int, what: str) -> str:
-    """Return the information bits of a telegram, or raise the FrameError of its first fault."""
+    """Return the bits between start and parity bit; raise a FrameError for the first fault."""
     check_kind("bits", bits, str)
     if len(bits) != length:
         raise LengthError(f"a {what} has {length} bits, but {bits!r} has {len(bits)}")
@@ -296,7 +296,7 @@ class Request:
     call : Call
         One of the 13 calls.
     address : int
-        Address of the slave, 0..31; 0 is a slave without an address, 31 also the broadcast.
+        Address of the slave, 0..31: 0 for a slave without an address, 31 also for the broadcast.
     data : int, default 0
         The data that the call carries: output or parameter bits 0..15 (0..7 for an A/B slave),
         the new address 1..31, or the extended ID code 1, 0..15; otherwise 0.
@@ -305,9 +305,9 @@ class Request:
 
     Notes
     -----
-    The select bit is inverted in data exchange, write parameter, reset and read status, so that
-    with select 0 every request equals the one that a master before specification 2.1 sends to a
-    standard slave. Claim kim2023-047 shows where the paper's table differs.
+    The select bit is inverted in data exchange, write parameter, reset and read status. A request
+    with select bit 0 (to an A slave) thus equals one that masters before specification 2.1 send to
+    standard slaves. Claim kim2023-047 shows where the paper's table differs.
 
     References
     ----------
@@ -317,7 +317,7 @@ class Request:
 
     Examples
     --------
-    The example of [2]_ with the parity bit that the rule requires:
+    The example of [2]_, with the parity bit that makes the number of ones even:
 
     >>> request = Request.data_exchange(21, 0xE)
     >>> request.bits
@@ -345,7 +345,7 @@ class Request:
             only = int(layout[1:6], 2)
             address = check_whole("address", self.address, only, only, f" for {rule.title}")
         lowest = 1 if self.call is Call.ASSIGN_ADDRESS else 0
-        why = f" in {rule.title}" + (f" with slave half {self.half}" if self.half else "")
+        why = f" in {rule.title}" + (f" if half is {self.half}" if self.half else "")
         data = check_whole("data", self.data, lowest, 2 ** layout.count("d") - 1, why)
         object.__setattr__(self, "address", address)
         object.__setattr__(self, "data", data)
@@ -386,7 +386,8 @@ class Request:
             data = int(expected)
         if data is None and expected is not None:
             raise ArgumentError(
-                f"data is missing: the response to {self.call.rule.title} needs {expected}, 0..15"
+                f"data is missing: the response to {self.call.rule.title} needs the {expected}, "
+                "0..15"
             )
         return Response(0 if data is None else data, self.call)
 
@@ -409,7 +410,7 @@ class Request:
             if parts.get("s") == "1" or parts.get("S") == "0":
                 half = "B"
             elif extended and parts.keys() & {"s", "S"}:
-                # Without extended addressing, only a select bit that is set has a meaning.
+                # Select bit 0 means an A slave only if `extended`, otherwise a standard slave.
                 half = "A"
             return cls(call, address, data, half)
         raise UnknownCallError(

@@ -1,6 +1,6 @@
 """Durations of transactions and cycles, and response times.
 
-A transaction is a request, the master pause, a response and the slave pause, in bit times of 6 us.
+A transaction is a request, the master pause, a response and the slave pause; one bit takes 6 us.
 In every cycle the master polls each address once, then sends one management request and looks for
 one new slave. An A and a B slave that share an address take turns: each is polled every second
 cycle.
@@ -44,8 +44,8 @@ class Transaction:
     Notes
     -----
     Published durations are 150 us (25 bit times), 153, 154 and 156 us (26 bit times, the default);
-    they differ in the pauses. A synchronous slave answers after 2 to 3 bit times, any other slave
-    after two more [2]_. The pause after a response is normally 1.5 to 2 bit times long.
+    they differ in the pauses. A synchronous slave responds after 2 to 3 bit times, any other
+    slave 2 bit times later [2]_. The pause after a response is normally 1.5 to 2 bit times long.
 
     References
     ----------
@@ -155,14 +155,14 @@ ADDRESSES = 31
 #: Maximum number of channels of a slave for analogue values.
 CHANNELS = 4
 
-#: Conversion time of an analogue value, the longest that manufacturers state (20 to 60 ms) [s].
+#: Longest conversion time of an analogue value [s]; manufacturers state 20 to 60 ms.
 CONVERSION = 60e-3
 
 Direction = Literal["in", "out"]
 
 
 class ResponseTime(NamedTuple):
-    """Time from a change of an input or output until the other side receives it [s].
+    """Time until the master receives a changed input, or the slave receives a changed output [s].
 
     `typical` is the mean over changes at random times, on a line without repetitions.
     """
@@ -253,7 +253,7 @@ class Cycle:
     ) -> float:
         """Return the time between two updates of a slave's bits or values [s].
 
-        The arguments are those of `response_time`.
+        `response_time` describes the arguments.
         """
         count = check_whole("channels", channels, 1, CHANNELS)
         shared = bool(self.pairs) if paired is None else paired
@@ -273,9 +273,9 @@ class Cycle:
         """Return the response times to a change of an input, or of an output.
 
         A slave for single bits reads its inputs when the request ends. At best, the change comes
-        just before this moment. At worst, it comes just after it and waits for the slave's next
-        request, one cycle later, or two if the slave shares its address (`paired`, the default if
-        the cycle has pairs). Delays of the input itself, such as that of a filter, must be added.
+        just before this moment. At worst, it comes just after that and waits for the next request
+        to the slave, one cycle later, or two if the slave shares its address (`paired`; by default,
+        if the cycle has pairs). Delays of the input itself, such as a filter's, must be added.
 
         A slave whose `profile` transfers values converts its `channels` in turn, each in
         `conversion` [s], and sends the newest values in turn. At worst, the change comes just after
@@ -322,12 +322,12 @@ def cycle_time(slaves: int = ADDRESSES, **options: Any) -> float:
 
 
 # An exchange transfers four bits, so an analogue value is sent in pieces; each type of transfer
-# (CTT) divides it in its own way. No manufacturer states how many exchanges CTT4 takes.
+# (CTT) divides the value differently. No manufacturer states how many exchanges CTT4 takes.
 
 
 @cache
 def _analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
-    """Return the number of exchanges per value by profile, direction and size; 0 if unknown."""
+    """Return the number of exchanges by profile, direction and value size [bit]; 0 if unknown."""
     found: dict[tuple[str, str], dict[int, int]] = {}
     for row in datasets.read("asi_analogue_profiles.csv").to_dict("records"):
         sizes = found.setdefault((row["profile"], row["direction"]), {})
@@ -337,7 +337,7 @@ def _analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
 
 @lru_cache(maxsize=256)
 def _sizes(profile: Profile | str, direction: str) -> dict[int, int]:
-    """Return the number of exchanges by size of a value; S-7.3.C has the sizes of S-7.3, too."""
+    """Return the number of exchanges by value size [bit]; S-7.3.C also has the sizes of S-7.3."""
     profile = Profile.parse(profile)
     general, own = f"S-{profile.io:X}.{profile.id:X}", str(profile)
     known = _analogue_profiles()
@@ -357,6 +357,6 @@ def exchanges(profile: Profile | str, direction: Direction = "in") -> int:
         return 1
     if not sizes or not sizes[max(sizes)]:
         raise ArgumentError(
-            f"profile is '{profile}' {direction}; its number of exchanges per value is unknown"
+            f"profile is '{profile}'; its number of exchanges per '{direction}' value is unknown"
         )
     return sizes[max(sizes)]

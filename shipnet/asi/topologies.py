@@ -39,10 +39,10 @@ def line(
         Length of the cable [m].
     slaves : int or sequence of float, default 0
         Number of slaves, evenly spaced with the last one at the end, or the position of each,
-        0..length [m]; up to 62. Addresses follow this order.
+        0..length [m]; at most 62 slaves. Addresses are assigned in this order.
     pairs : int, optional
         Number of shared addresses, n - 31 to n / 2 for n slaves; the last slaves share them. If
-        omitted, as few as possible are shared, and all slaves are A/B slaves if any are.
+        omitted, as few as possible are shared, and if any are, all slaves are A/B slaves.
     master, supply : float, default 0
         Positions of the master and the 30 V power supply [m].
     cable : str or shipnet.line.Cable, default "as-i 1.5"
@@ -50,7 +50,7 @@ def line(
     current : float, default 0.065
         Current of each slave, 0..10 [A].
     terminator : float, optional
-        Resistance of an extension plug at the far end, 1..1e6 [ohm].
+        Resistance of an extension plug at the far end, 1..1e6 [ohm]; no plug if omitted.
 
     Returns
     -------
@@ -91,9 +91,9 @@ def star(
     Parameters
     ----------
     trunk : float
-        Length of the cable to the hub of the star; 0 if the hub is at the master [m].
+        Length of the cable to the hub of the star [m]; 0 if the hub is at the master.
     legs : sequence of float
-        Length of each leg, with a slave at its end [m].
+        Length of each leg [m]; each leg has a slave at its end.
     along : int or sequence of float, default ()
         Slaves on the trunk, given like `slaves` of `line`; they have the first addresses.
     pairs, master, supply, cable, current
@@ -193,11 +193,12 @@ def assign_addresses(
     shares: Sequence[bool] | None = None,
     need: Sequence[float] | None = None,
 ) -> list[str]:
-    """Return the labels of n slaves; those that can wait longest share an address.
+    """Return the labels of n slaves; those that can wait longest share addresses in pairs.
 
-    `pairs` addresses are shared, by default as few as possible, by slaves whose `shares` is True:
-    those with the longest `need`, or without `need` the last ones. If neither `pairs` nor `shares`
-    is given and some slaves must share, all other slaves are A slaves.
+    `pairs` addresses, by default as few as possible, are shared by slaves whose `shares` is True
+    (any slaves if omitted): those with the longest `need`, or the last ones if `need` is omitted.
+    The other slaves whose `shares` is True are A slaves. If neither `pairs` nor `shares` is given
+    and some slaves must share, all others are A slaves.
     """
     able = list(range(n)) if shares is None else [k for k in range(n) if shares[k]]
     most = len(able) // 2

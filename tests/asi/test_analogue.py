@@ -48,9 +48,9 @@ def test_the_first_two_codes_identify_a_profile():
     assert exchanges(Profile.parse("S-7.3.C")) == 7
     assert exchanges("S-6.0") == exchanges("S-0.F") == 1
     for profile in ("S-7.A.8", "S-7.A.9", "S-7.5.5"):
-        with pytest.raises(ArgumentError, match=rf"'{profile}' in; its number of exchanges"):
+        with pytest.raises(ArgumentError, match=rf"'{profile}'; its number of exchanges"):
             Cycle(31).response_time(profile)
-    with pytest.raises(ArgumentError, match=r"'S-7\.A\.5' out"):
+    with pytest.raises(ArgumentError, match=r"'S-7\.A\.5'.*'out' value"):
         exchanges("S-7.A.5", "out")
     with pytest.raises(ArgumentError, match="direction is 'up'"):
         Cycle(31).response_time(direction="up")

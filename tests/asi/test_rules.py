@@ -135,7 +135,7 @@ def test_the_delay_of_a_repeater_is_added_both_ways():
     assert one * 6 == pytest.approx(27.75 + 2 * 200 * 6.5e-3 + 2 * 6)
     assert failed(slow) == ["answer_delay"]
     note = of(plan, "answer_delay")["why"].iloc[1]
-    assert note == f"each repeater may delay by {(60 - 27.75 - 2.6) / 2:.1f} us"
+    assert note == f"each repeater may delay signals by up to {(60 - 27.75 - 2.6) / 2:.1f} us"
 
 
 # Addresses.

@@ -264,7 +264,7 @@ def test_bits_of_another_type(bits):
         (lambda: Request.data_exchange(1, 16), r"data is 16; .*0\.\.15"),
         (
             lambda: Request.data_exchange(1, 8, "B"),
-            r"data is 8; .*0\.\.7 in data exchange with slave half B$",
+            r"data is 8; .*0\.\.7 in data exchange if half is B$",
         ),
         (lambda: Request.data_exchange(1, 1.5), r"data is 1\.5; .*whole number"),
         (lambda: Request.data_exchange(True, 1), r"address is True; .*whole number"),

@@ -1,6 +1,7 @@
-"""Disturbances: voltages between the wires that are added to telegrams, and immunity test levels.
+"""Disturbance voltages between the wires, to be added to telegrams, and immunity test levels.
 
-No standard states what part of a test level appears between wires: users must choose amplitudes.
+No standard states what fraction of a test level appears between the wires, so users must choose
+the amplitudes.
 """
 
 from __future__ import annotations
@@ -64,14 +65,14 @@ PULSE_RATE = 5e3
 #: Length and period of packets [s], as in IEC 61000-4-4; at 5 kHz, each has 75 pulses.
 PACKET_LENGTH, PACKET_PERIOD = 15e-3, 300e-3
 
-#: Corner frequency of a receiver's input low-pass [Hz]: assumed, a little above the 667 kHz at
+#: Corner frequency of a receiver's input low-pass filter [Hz]: assumed, 1.5 times the 667 kHz at
 #: which the spectrum of an AS-i pulse has its first zero.
 INPUT_CORNER = 1e6
 
 #: Number of time constants after which an exponential is cut off, when 2e-9 of it is left.
 _ENOUGH = 20.0
 
-# At the peak of the pulse, both exponentials fall equally fast.
+# Time of a pulse's peak [s], at which both exponentials fall equally fast.
 _TOP_AT = np.log(_DECAY / _RISE) * _DECAY * _RISE / (_DECAY - _RISE)
 
 #: Area of a pulse of height 1 [s].
@@ -83,7 +84,7 @@ _CONSTANTS = np.array([_DECAY, _RISE, 1 / (2 * np.pi * INPUT_CORNER)])
 
 
 def _mean(since: Floats, dt: float) -> Floats:
-    """Return the area of a low-pass filtered pulse from `since` - `dt` to `since`."""
+    """Return the fraction of a filtered pulse's area between `since` - `dt` and `since` [s]."""
     return _passed(since) - _passed(np.maximum(since - dt, 0.0))
 
 
@@ -104,7 +105,7 @@ class Noise:
 
     Samples :math:`\Delta t` apart have a bandwidth of :math:`1 / 2 \Delta t`, here 2 MHz, and a
     one-sided density of :math:`\sigma \sqrt{2 \Delta t}`, 0.71 mV per root hertz for 1 V. With
-    another step, noise has the same density, so the step does not change error rates.
+    another step, the density is the same, and error rates after a matched filter hardly change.
 
     Examples
     --------
@@ -137,7 +138,7 @@ class Impulses:
 
     The amplitude is the mean height. Heights are uniformly distributed between 1 - `spread` and
     1 + `spread` times the amplitude, and full widths between the two values of `width` [s]. These
-    are assumptions: the impulses of coils and converters differ from ship to ship.
+    ranges are assumed: impulses from coils and converters differ from ship to ship.
 
     Examples
     --------
@@ -175,12 +176,12 @@ class Impulses:
 
 @record
 class ConductedRF:
-    r"""An amplitude-modulated carrier, as in the test with conducted radio-frequency voltages.
+    r"""An amplitude-modulated carrier, as in the immunity test with conducted RF voltages.
 
     .. math:: u(t) = a \bigl(1 + m \sin(2 \pi f_m t + \psi)\bigr) \sin(2 \pi f t + \varphi)
 
     The amplitude is the peak of the carrier without modulation; a test level of IEC 61000-4-6 is
-    its RMS value. Carrier and sideband must be below half the sampling rate: 80 MHz requires
+    its RMS value. The upper sideband must be below half the sampling rate: for 80 MHz, choose
     a waveform with a step of 5 ns.
 
     Examples
@@ -192,7 +193,7 @@ class ConductedRF:
     1.8
     """
 
-    frequency: float = number(1e-3, 1e12, "Hz", "Frequency of the carrier; 150 kHz to 80 MHz")
+    frequency: float = number(1e-3, 1e12, "Hz", "Carrier frequency; in tests, 150 kHz to 80 MHz")
     modulation: float = number(0, 1, "", "Depth of the amplitude modulation", default=0.8)
     f_mod: float = number(0, 1e12, "Hz", "Frequency of the modulation", default=1e3)
 
@@ -202,7 +203,7 @@ class ConductedRF:
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
-        """Return the carrier on `size` telegrams, each with a random phase of its modulation."""
+        """Return the carrier on `size` telegrams, with random phases of carrier and modulation."""
         dt = _step(t)
         f, f_mod = self.frequency, self.f_mod
         if f + f_mod >= 0.5 / dt:
@@ -224,9 +225,9 @@ class Burst:
 
     The amplitude is the peak of a pulse between the wires, before the filter. Pulses come at a
     constant rate; the sign and phase of their train are random for each telegram. A first-order
-    low-pass of 1 MHz filters each pulse, and a sample is the mean over its interval. The filter and
-    the averaging, which are assumed for a receiver, preserve a pulse's area. At 5 kHz, one response
-    in five is hit. Packets of 15 ms come every 300 ms; `burst_failures` simulates them.
+    low-pass of 1 MHz filters each pulse, and each sample is the mean over the step before it. The
+    filter and the averaging, which are assumed for a receiver, preserve a pulse's area. At 5 kHz,
+    one response in five is hit. Packets of 15 ms come every 300 ms; see `burst_failures`.
 
     Examples
     --------
@@ -261,7 +262,7 @@ _SEVERITY = [
     "voltage over that of the supply",
 ]  # fmt: skip
 
-#: Position on the axis of a test that AS-i does not have: left of all ratios.
+#: Position on the x axis at which a test that AS-i lacks is drawn: left of all ratios.
 _NONE = 0.4
 
 
@@ -286,7 +287,7 @@ def levels() -> pd.DataFrame:
     pandas.DataFrame
         One row per parameter of a test: both levels, their ratio, gap and sources. ``gap`` is
         "covers", "below", "test missing" (no AS-i test) or "not asked" (no marine test).
-        ``asi_printed`` is the value in kim2023's Table 2, ``asi`` its meaning. If ``confirmed``
+        ``asi_printed`` is the text in kim2023's Table 2, ``asi`` the value meant. If ``confirmed``
         is "yes", a public page of a type-tested product or of a test house gives the marine
         value; if "no", the value is general knowledge: confirm it before using it.
 

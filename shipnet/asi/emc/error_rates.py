@@ -1,6 +1,6 @@
 """Rates of telegrams lost to disturbances, simulated or calculated, and their effect on a network.
 
-An analyser counts *series*: 1 to 6 failed exchanges with a slave in a row; six drop the slave.
+An analyser counts *series* of 1 to 6 consecutive failed exchanges; a slave is dropped after six.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ _SAMPLES = 2**18
 
 
 def decided_on(u: Floats, dt: float, matched: bool) -> Floats:
-    """Return the samples for a receiver that is already listening when the record begins."""
-    # Omit the ends of a record: the filter lacks samples there, so a carrier would seem to begin.
+    """Return the samples that a receiver uses: `u`, filtered and without its ends if `matched`."""
+    # The filter lacks samples at the ends of a record, so a carrier would seem to begin there.
     half = int(HALF_BIT / dt / 2)
     return matched_filter(u, dt)[:, half:-half] if matched else u
 
@@ -85,12 +85,12 @@ def _row(
     }
 
 
-#: Number of half-bits before the first peak; noise in them counts as part of the first pulse.
+#: Noise within this many half-bits before the first peak counts as part of the first pulse.
 _REACH = 1.25
 
 #: Largest ratio of `minimum` to the first pulse for which the closed form holds after a matched
 #: filter. Above it, the peak of a weakened first pulse may shift by some samples, which the formula
-#: ignores: at 0.45, counted rates are 2 times higher at 1e-4 and 26 times higher at 1e-8.
+#: ignores: at 0.45, simulated rates are 2 times the formula's at 1e-4 and 26 times at 1e-8.
 _HIGHEST_MINIMUM = 0.35
 
 #: Number of standard deviations beyond which noise is ignored.
@@ -135,7 +135,7 @@ def _kept_noise(dt: float, matched: bool, samples: int) -> tuple[float, float]:
 
 
 def _false_start(level: float, correlation: float, samples: Floats) -> Floats:
-    """Return the probability that any of `samples` values exceeds a level [standard deviations]."""
+    """Return the probability of |noise| above `level` standard deviations in a run of `samples`."""
     from scipy.special import ndtr
 
     x, weight = _normal(-level, level)
@@ -163,7 +163,7 @@ def _missed(
     from scipy.special import ndtr
 
     lowest = (minimum - height[:, 0]) / sigma
-    # If the first pulse exceeds this, the level is a fraction of its height, not the minimum.
+    # For noise x above `bend`, the level is a fraction of the first pulse; below it, the minimum.
     bend = (minimum / threshold - height[:, 0]) / sigma
     missed = ndtr(lowest)
     for low, high in ((lowest, bend), (bend, np.full_like(bend, _FAR))):
@@ -204,7 +204,7 @@ def count_errors(
         Source of the random numbers.
     receiver : Receiver, optional
         The receiver. Its `minimum` should be four times the standard deviation of the noise after
-        its filter; with a lower one, noise before a telegram is mistaken for the first pulse.
+        any filter; if it is lower, noise before a telegram may be mistaken for the first pulse.
 
     Returns
     -------
@@ -265,8 +265,8 @@ def error_rate(
     Raises
     ------
     ArgumentError
-        If a telegram is not received even without noise, or if a matched filter is used with a
-        `minimum` above 0.35 of the first pulse, for which the formula's result would be too low.
+        If a telegram is not received correctly even without noise, or if the receiver has a matched
+        filter and a `minimum` above 0.35 of the first pulse: the result would then be too low.
 
     Notes
     -----
@@ -393,8 +393,8 @@ def burst_failures(
 
     Examples
     --------
-    A third of the exchanges in a packet fail, which is one in 60 over the whole test. Independent
-    failures at this rate would drop a slave every 90 days; the packets do so twice per minute:
+    A third of the exchanges in a packet fail, which is one in 60 over the whole test. At this rate,
+    independent failures would drop a slave every 90 days; the packets drop 1.7 slaves per minute:
 
     >>> table = burst_failures(1 / 3, 2024, 40_000).set_index("failures")
     >>> f"{table.loc[6, 'per_h'] / 60:.1f} a minute"

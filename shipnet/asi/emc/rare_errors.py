@@ -2,7 +2,8 @@
 
 The noise of nearly every lost telegram satisfies a set of linear inequalities: a pulse is below the
 level, or a gap is above it. Noise is drawn around the weakest noise that satisfies each set, its
-*design point*. Each loss that the receiver finds is weighted with the ratio of the noise densities.
+*design point*. The weight of a loss is the probability density with which its telegram and noise
+occur, divided by that with which they are drawn.
 """
 
 from __future__ import annotations
@@ -30,20 +31,20 @@ from shipnet.fields import check_kind, check_whole
 from shipnet.lazy import pd
 from shipnet.parallel import Progress, compute
 
-#: Fraction of the noise that is drawn without a shift; it limits the weight of a loss to 10.
+#: Fraction of the noise that is drawn without a shift; it limits the weight of a loss.
 _PLAIN = 0.1
 
 #: Telegrams per task, per pilot run, and per batch that fits into a core's own cache.
 _PART, _PILOT, _BATCH = 5000, 4000, 1000
 
-#: Maximum number of different telegrams of a wave: each has about 100 design points.
+#: Maximum number of different telegrams in a wave: each has about 100 design points.
 _WORDS = 64
 
-#: Time between two samples that the inequalities use [s].
+#: Spacing of the samples that the inequalities use [s].
 _GRID = 250e-9
 
 #: Largest shift of the peak of a weakened first pulse, and largest distance from the undisturbed
-#: peak at which the voltage is required to be lower than at the shifted peak [steps].
+#: peak at which the voltage is required to be lower than at the shifted peak [steps of `_GRID`].
 _SLIPS, _AROUND = 3, 7
 
 #: Spacing of the points before a telegram at which noise may pass for its first pulse [s].
@@ -121,7 +122,7 @@ class _Sets:
         return first * (self._gain[p] - self._gain[i]), first * (self._y[i] - self._y[p])
 
     def add(self, *ways: list[tuple[Floats, float]]) -> None:
-        """Add the design point nearest to 0 of several sets, if any of them can be satisfied."""
+        """Add the weakest of the design points of several sets, if any set can be satisfied."""
         found = [point for sides in ways if (point := _design_point(sides)) is not None]
         if found:
             self.points.append(min(found, key=lambda point: float(point @ point)))
@@ -239,7 +240,7 @@ def _draw(
             noise[moved] += shift[point[moved]]
             power = (noise @ shift.T - how.square[word] / 2) / case.sigma**2
             each = share * np.exp(np.minimum(power, 600.0))
-            # Ratio of the density with which this noise is drawn to that with which it occurs.
+            # Probability density of this noise as drawn, divided by that of the noise as it occurs.
             ratio = 1 - share.sum() + each.sum(axis=1)
             got = case.heard(case.filtered(case.u[word] + noise))
             lost = (got.error != 0) | (got.bits != case.bits[word]).any(axis=1)
@@ -310,7 +311,7 @@ def rare_error_rates(
     receiver : Receiver, optional
         The receiver.
     seed : int, default 2024
-        Source of the random numbers, 0..2^63 - 1.
+        Seed of the random numbers, 0..2^63 - 1.
     client, folder, progress
         As in `shipnet.compute`.
 
@@ -327,11 +328,11 @@ def rare_error_rates(
     Noise can corrupt a telegram in about 100 ways: it hides or imitates the first pulse, lowers
     another pulse, or fills a gap; it may also move the peak of a weakened first pulse by up to 0.75
     us. For each way, noise is drawn around the weakest noise that has this effect; a tenth of all
-    noise is drawn without a shift, so the weight of a loss is at most 10. A rate is ``sound`` if it
-    has 1000 effective losses, if at most 2 % of it comes from one loss and at most 5 % from noise
-    that is drawn less often than it occurs, and if the mean weight is within four standard errors
-    of 1. These checks may miss another way to lose a telegram: compare with `count_errors` at a
-    higher density.
+    noise is drawn without a shift, which limits the weight of a loss. A rate is ``sound`` if it has
+    at least 1000 effective losses, if at most 2 % of it comes from one loss and at most 5 % from
+    noise that is drawn less often than it occurs, and if the mean weight is within four standard
+    errors of 1. These checks may miss another way to lose a telegram: compare with `count_errors`
+    at a higher density.
 
     Examples
     --------
