@@ -47,9 +47,9 @@ def read_messages(
         which requires cantools; or a log that `read_log` accepts. A CSV file is separated by
         commas, semicolons or tabs, and is in UTF-8, UTF-16 with a byte-order mark, or Windows-1252.
     columns : mapping of str to str, optional
-        Maps other titles to columns, such as ``{"Every": "period_ms"}``. The columns ``name``,
-        ``arbitration_id``, ``dlc`` and, unless `period` is given, ``period_ms`` are required;
-        ``deadline_ms``, ``jitter_ms``, ``offset_ms``, ``extended``, ``sender``, ``bits`` optional.
+        Maps other titles to columns, such as ``{"Every": "period_ms"}``. Required: ``name``,
+        ``arbitration_id``, ``dlc`` and, unless `period` is given, ``period_ms``. Optional:
+        ``deadline_ms``, ``jitter_ms``, ``offset_ms``, ``extended``, ``sender`` and ``bits``.
         ``note`` is ignored. Titles such as ``Cycle time [s]`` and ``CAN-ID (hex)`` are recognised.
     period : float, optional
         Period of messages that have none in the file, 1e-6..1e5 [s].
@@ -78,8 +78,9 @@ def read_messages(
     checked but not stored.
 
     A message found in a log is named after its identifier. Its period is the mean time between two
-    frames; its jitter is the range of deviations from the mean, including waits for the bus; its
-    ``dlc`` is the largest found. A message seen only once has the given `period`, or is omitted.
+    frames; its jitter is the range of the deviations of its time stamps from strict periodicity,
+    including waits for the bus; its ``dlc`` is the largest found. A message seen only once has the
+    given `period`, or is omitted.
 
     Examples
     --------
@@ -106,7 +107,7 @@ class Analysis:
 
     `responses` contains the response times by bit rate, lowest first. `lowest` is the lowest bit
     rate at which the given order meets all deadlines, `lowest_in_best_order` the lowest at which
-    any order does; each is infinite if there is no such rate. `best` is the best order at the
+    some order does; each is infinite if there is no such rate. `best` is the best order at the
     latter rate or, if it is infinite, at the highest rate examined.
 
     Examples
@@ -150,12 +151,12 @@ class Analysis:
 
     @property
     def ok(self) -> bool:
-        """True if at least one of the bit rates meets all deadlines."""
+        """True if the given order meets all deadlines at one or more of the bit rates."""
         return self.lowest < math.inf
 
     @property
     def verdict(self) -> str:
-        """The number of messages and the two lowest bit rates, in one line."""
+        """The number of messages, `lowest` and `lowest_in_best_order`, in one line."""
         given, best = (
             "none" if rate == math.inf else f"{rate / 1e3:g} kbit/s"
             for rate in (self.lowest, self.lowest_in_best_order)
@@ -163,7 +164,7 @@ class Analysis:
         return f"{len(self.messages)} messages, lowest bit rate: {given}, in the best order: {best}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw each message's longest response time and deadline at the bit rate of `at_lowest`."""
+        """Draw each message's deadline and longest response time at the bit rate of `at_lowest`."""
         ax = self.at_lowest.plot(ax)
         ax.set_xlabel(f"time at {self.at_lowest.bit_rate / 1e3:g} kbit/s [ms]")
         return ax
@@ -299,14 +300,15 @@ def compare(
 ) -> LogComparison:
     r"""Compare a log with a plan: find messages that are missing, late, too frequent or unknown.
 
-    Frame :math:`k` of a message is due between :math:`k T` and :math:`k T + D` after the first
-    event, with period :math:`T` and deadline :math:`D`. Any :math:`n + 1` successive frames are
+    With period :math:`T` and deadline :math:`D`, frame :math:`k` = 0, 1, ... of a message is due
+    between :math:`k T` and :math:`k T + D` after the first release. Any :math:`n + 1`
+    successive frames are
 
-    .. math:: \text{late if they last longer than } n T (1 + \epsilon) + D, \qquad
-              \text{faster if they last less than } n T (1 - \epsilon) - D
+    .. math:: \text{late if they span more than } n T (1 + \epsilon) + D, \qquad
+              \text{faster if they span less than } n T (1 - \epsilon) - D
 
     where :math:`\epsilon` = 1.58 % is the largest relative error of a clock on the bus (Bosch, "CAN
-    Specification" 2.0, 1991, part B, section 9). A jitter above :math:`D` replaces :math:`D`.
+    Specification" 2.0, 1991, part B, section 9). A jitter above :math:`D` takes its place.
 
     Parameters
     ----------
@@ -366,7 +368,7 @@ def compare(
 
 
 def _differences(message: Message, times: Floats, codes: Octets, silence: float) -> list[str]:
-    """Return the verdicts on the frames of a message; none if they are as planned."""
+    """Return the verdicts on the frames of a message; no verdict if they are as planned."""
     slack = max(message.deadline, message.jitter) + _STAMP
     slow, fast = (message.period * (1 + sign * CLOCK_TOLERANCE) for sign in (1, -1))
     if not len(times):
@@ -379,5 +381,5 @@ def _differences(message: Message, times: Floats, codes: Octets, silence: float)
 
 
 def _rise(values: Floats) -> float:
-    """Return the largest increase of a value over any earlier value."""
+    """Return the largest increase from an earlier value to a later one."""
     return float((values - np.minimum.accumulate(values)).max())

@@ -152,12 +152,12 @@ def longest_bus(bit_rate: float) -> float:
     Returns
     -------
     float
-        Length of the trunk at the next higher published bit rate [m].
+        Length of the trunk at the same or the next higher published bit rate [m].
 
     Notes
     -----
     The documentation of the Beckhoff BX5100 lists lengths from 20 m at 1 Mbit/s (with optocouplers)
-    to 5000 m at 10 kbit/s. `bit_timings` returns the length for your own settings.
+    to 5000 m at 10 kbit/s. `bit_timings` returns the length for each setting of the AT90CAN128.
 
     Examples
     --------

@@ -19,7 +19,7 @@ from shipnet.clock import NEVER, nanoseconds
 
 WAITING = -1  #: Start time that marks a frame that was never sent.
 
-#: Length of an error frame with intermission, if a second flag of 6 bits follows the first [bit].
+#: Length of an error frame with intermission and a second error flag of 6 bits [bit].
 ERROR_FRAME = 23
 
 #: Error counts at which a node becomes error passive and bus off; number of recessive sequences
@@ -29,14 +29,14 @@ PASSIVE, BUS_OFF, RECOVERY_SEQUENCES, SEQUENCE_BITS, SUSPEND_BITS = 128, 256, 12
 
 
 class Releases(NamedTuple):
-    """Frames in order of release, and the frame length of each message, with times in ns."""
+    """Frames in order of release, and the frame length of each message; all times in ns."""
 
     time: Integers
     message: Integers
     length: Integers
 
 
-_FEW = 30  #: Smallest group of similar busy periods that is solved in one array.
+_FEW = 30  #: Smallest group of busy periods of similar size that is solved in one array.
 
 
 class _Traffic:
@@ -82,7 +82,7 @@ class _Traffic:
 
 
 def send_undisturbed(releases: Releases, horizon: int) -> Integers:
-    """Return the start time of each frame on a bus without errors [ns]; `WAITING` if never sent."""
+    """Return each frame's start time if no errors occur [ns]; `WAITING` if not before `horizon`."""
     time, message, length = releases
     duration = length[message]
     done = np.cumsum(duration)
@@ -133,7 +133,7 @@ class Nodes:
         self.rest_until = [0] * number
         #: Number of times each node went bus off.
         self.bus_off = [0] * number
-        #: Correct frames of each node that the counters do not include yet.
+        #: Number of correct frames sent by each node that the counters do not include yet.
         self.good = [0] * number
         #: True if no node is error passive, bus off or suspended; then the counters do not matter.
         self.calm = True
@@ -188,7 +188,7 @@ class Nodes:
 
 
 class Failure(NamedTuple):
-    """A destroyed frame: its times [ns], the disturbed bit, and the sender's state afterwards."""
+    """A destroyed frame: index, times [ns], disturbed bit, and the sender's new TEC and state."""
 
     release: int
     start: int
@@ -298,9 +298,10 @@ _BLOCK = 4096  #: Number of random numbers drawn at once.
 def _chances(
     rates: list[float], bits: int, rng: np.random.Generator
 ) -> Iterator[tuple[int, list[int]]]:
-    """Yield numbers of undisturbed attempts, each with the bits at which faults hit the next one.
+    """Yield how many attempts are undisturbed, and the first bit that each fault hits in the next.
 
-    Faults after the first `bits` bits of an attempt are ignored. The list of bits may be empty.
+    Bits are counted from 1; faults after the first `bits` bits of an attempt are ignored. If the
+    list of bits is empty, the next pair describes the attempt.
     """
     if not rates:
         yield NEVER, []
@@ -313,13 +314,13 @@ def _chances(
         yield _BLOCK - tried, []
 
 
-_CELLS = 40_000  #: Product of messages and sets simulated at once; the data fit in a core's cache.
+_CELLS = 40_000  #: Messages times sets simulated at once; their data fit in a core's cache.
 
 
 def send_batch(
     first: Integers, period: Integers, length: Integers, horizon: int
 ) -> tuple[Integers, Integers, Integers]:
-    """Return the longest response, the response sum and the frame count, per message and set."""
+    """Return the longest and total response time and the number of frames, per message and set."""
     # In ticks of their greatest common divisor, times often fit into 32 bits.
     tick = int(np.gcd.reduce(np.r_[first.ravel(), period, length, horizon]))
     parts = np.array_split(first // tick, max(1, round(first.size / _CELLS)), axis=1)
@@ -334,7 +335,7 @@ def _send_part(
     number, shift = len(period), (len(period) - 1).bit_length()
     latest = max(int(first.max(initial=0)), horizon) + 2 * int(period.max()) + int(length.max())
     kind = np.int32 if latest << shift < 2**31 else np.int64
-    # Time and priority of each next frame in one number; the smallest is sent first.
+    # Time and priority of each message's next frame in one number; the smallest is sent first.
     rank = np.arange(number)
     # An array in C order is flattened without a copy.
     head = np.ascontiguousarray(first << shift, dtype=kind)

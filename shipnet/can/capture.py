@@ -1,7 +1,7 @@
 """CAN frames decoded from recorded levels or voltages of a line, including faulty frames.
 
-Only edges are processed. The receiver follows ISO 11898, with one sample as its time quantum; each
-step advances it by one edge in all frames at once.
+The receiver processes only edges, one edge of many frames in each step. It follows ISO 11898, with
+one sample as its time quantum.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _FRAMES, _FAULTS = 2**18, 1000  #: Maximum numbers of frames read and of faults 
 
 
 class _Rows(NamedTuple):
-    """Decoded frames as columns, one entry per frame; places and lengths in bits on the line."""
+    """Decoded frames as columns, one entry per frame; bit indices count stuff bits too."""
 
     error: Bytes
     place: Integers  # first wrong bit, or -1 if there is no error
@@ -65,7 +65,7 @@ class _Rows(NamedTuple):
 
 
 def read_rows(line: Bytes, known: Integers) -> _Rows:
-    """Decode one frame per column from its first `known` bits, with the errors of `decode`."""
+    """Decode one frame per column of `line` from its first `known` bits; errors as in `decode`."""
     width, n = line.shape
     every = np.arange(n)
     bits = np.zeros((width + 1, n), dtype=np.uint8)
@@ -154,11 +154,11 @@ class _Line:
         self.late = (means[1] - means[0]) / 2
 
     def receive(self, chosen: Indices, clock: float) -> tuple[Integers, Floats, Bools]:
-        """Return the bit count before each edge, the misfits, and a mask of the ambiguous frames.
+        """Return the numbers of bits between edges, the misfits, and a mask of ambiguous frames.
 
-        The bit counts have the axes edge, start and frame, start being an assumed position of the
-        start of frame in its sample. The misfit sums the distances between edges and bit
-        boundaries, less the edges' uncertainty. In an ambiguous frame an edge is over 0.2 bit off.
+        The numbers of bits have the axes edge, start and frame; a start is an assumed position of
+        the start of frame in its sample. A misfit sums the distances from edges to bit boundaries,
+        less the edges' uncertainty. In an ambiguous frame, an edge is over 0.2 bit off.
         """
         places, count = self.edges.places, self.count[chosen]
         most, bit, half = int(count.max(initial=1)), self.bit * clock, self.edges.width / 2
@@ -184,7 +184,7 @@ class _Line:
         return bits, misfit, doubt
 
     def rows(self, chosen: Indices, bits: Integers) -> _Rows:
-        """Decode frames from the number of bits before each edge; `bits` is (edges, frames)."""
+        """Decode frames from the numbers of bits between edges, `bits`, shape (edges, frames)."""
         n = len(chosen)
         ends = np.minimum(np.cumsum(bits, axis=0), _BITS)
         flips = np.zeros((_BITS + 1, n), dtype=np.uint8)
@@ -195,7 +195,7 @@ class _Line:
         return read_rows(line, known + np.rint(self.quiet[chosen] / self.bit).astype(np.int64))
 
     def read(self) -> tuple[_Rows, Bools]:
-        """Return all frames, and a mask of those that needed a second attempt."""
+        """Return all frames, and a mask of those that were correct only at the second attempt."""
         order = np.argsort(self.count, kind="stable")
         parts = [
             self._read(order[begin : begin + CHUNK]) for begin in range(0, len(order) or 1, CHUNK)
@@ -232,7 +232,7 @@ class _Line:
 
 
 def _found_rate(file: str, edges: Edges) -> float:
-    """Return the bit rate at which most frames are correct: a common rate, or the best fit."""
+    """Return the bit rate, common or estimated, at which the most frames are correct."""
     if len(edges.places) < 4:
         raise InputError(file, "too few changes of level to find the bit rate; pass bit_rate")
     part = edges._replace(places=edges.places[:_TRIED])
@@ -274,7 +274,7 @@ def _too_few(file: str, rate: float, dt: float) -> InputError:
 class Capture:
     """Frames decoded from a recorded line, as returned by `read_capture`.
 
-    `log` contains the correct frames, timed from the first sample to the end of each frame; its
+    `log` contains the correct frames and their end times, counted from the first sample [s]; its
     `Log.faults` describe the first 1000 faulty frames. `bit_rate` is the given or detected bit rate
     [bit/s], `duration` the length of the record [s], and `channel` the name of the decoded channel.
 
@@ -295,19 +295,19 @@ class Capture:
     def table(self) -> pd.DataFrame:
         """Return one row per frame, including faulty frames.
 
-        If a frame has a fault before the end of the CRC, its contents are left empty. ``bits``
-        counts from start to end of frame, including ``stuff_bits``; ``error`` is ``ok`` or the name
-        of a class in `shipnet.errors`; ``place`` is the first wrong bit, or -1 without an error.
-        ``second_reading`` marks frames that are correct only if an ambiguous edge is moved to the
-        other bit boundary; such a frame may hide a wrong bit.
+        If a frame has a fault before the end of the CRC, its contents are left empty. ``bits`` is
+        the number of bits up to the end of the frame or its first wrong bit, including stuff bits;
+        ``error`` is ``ok`` or the name of a class in `shipnet.errors`; ``place`` is the first
+        wrong bit, or -1 if there is none. ``second_reading`` marks frames that are correct only if
+        an ambiguous edge is moved to the other bit boundary; such a frame may hide a wrong bit.
         """
         return self._table.copy()
 
     def loads(self) -> pd.DataFrame:
         """Return the bits and the bus load of the correct frames, both measured and calculated.
 
-        The rows are ``measured`` (start to end of frame), ``with intermission``, and `frame_length`
-        with stuffing ``none``, ``mean`` and ``worst``.
+        The rows are ``measured`` (start to end of frame), ``with intermission`` (3 more bits per
+        frame), and ``none``, ``mean`` and ``worst`` (`frame_length` with this stuffing).
         """
         right = self._table[self._table["error"] == "ok"]
         size = np.where(self.log.remote, 0, np.minimum(self.log.dlc, 8))
@@ -355,14 +355,14 @@ def read_capture(
     channel: str | None = None,
     sample_interval: float | None = None,
 ) -> Capture:
-    """Decode the frames of a recorded line from logic levels or sampled voltages.
+    """Decode CAN frames from recorded logic levels or voltages of a line.
 
     Parameters
     ----------
     path : path
         A sigrok session (``.sr``), a text file of levels or edges from a logic analyser or
         oscilloscope, or a ``.npy`` or ``.npz`` file as in `shipnet.line.Waveform.read`. The signal
-        is CAN_H, CAN_L, their difference or the output of a receiver. The idle level is recessive.
+        is CAN_H, CAN_L, their difference or a receiver output. The idle level is read as recessive.
     bit_rate : float, optional
         Bit rate, 1000..1e6 [bit/s]; by default detected from the edges.
     channel : str, optional
@@ -388,10 +388,10 @@ def read_capture(
     unknown, so the receiver tries three positions of the start of frame and keeps the best fit.
     With fewer than 4 samples per bit, an edge may be equally close to two bit boundaries. A faulty
     frame with such an edge is decoded again with clocks 0.15 % fast and slow; if it is then
-    correct, it is marked. Decoding again can hide a damaged bit: of 18 419 frames with one flipped
-    bit, 9 were accepted at 2 samples per bit (7 of them marked), and none at 8.
+    correct, ``second_reading`` marks it. Decoding again can hide a damaged bit: of 18 419 frames
+    with one flipped bit, 9 were accepted at 2 samples per bit (7 of them marked), and none at 8.
 
-    CAN FD frames are faults, as a reserved bit is recessive; error flags count as stuff errors.
+    CAN FD frames count as form errors (recessive reserved bit), error flags mostly as stuff errors.
 
     Examples
     --------

@@ -15,8 +15,8 @@ from shipnet.fields import number, record, whole
 __all__ = ["ERROR_BITS", "BitErrors", "ErrorAt", "ErrorBound"]
 
 #: Published costs of an error in addition to the retransmission [bit], for `ErrorBound.bits`. Here
-#: a frame includes its intermission; Broster et al. exclude the intermission and count 29 bits per
-#: error. ``least`` is the sum of two error flags of 6 bits and a delimiter of 8 bits.
+#: a frame includes its intermission of 3 bits; Broster et al. exclude it, so their 29 bits are 26
+#: here. ``least`` is the sum of two error flags of 6 bits and a delimiter of 8 bits.
 ERROR_BITS: Mapping[str, int] = MappingProxyType(
     {"Tindell 1995": 31, "Davis 2007": 31, "Broster 2002": 26, "least": 20}
 )

@@ -29,7 +29,7 @@ from shipnet.errors import (
 from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import Axes
 
-CRC_BITS = CRC.width  #: Bits of the CRC sequence.
+CRC_BITS = CRC.width  #: Number of bits in the CRC sequence.
 INTERMISSION = 3  #: Minimum number of recessive bits between two frames.
 
 #: Fields after the CRC sequence, and their bits if a receiver acknowledges the frame.
@@ -304,13 +304,13 @@ def decode(bits: str) -> Frame:
     Returns
     -------
     Frame
-        The frame. Only the last bit of the end of frame may differ from the given bits.
+        The frame. Its `Frame.bits` may differ from `bits` only in the last bit of the end of frame.
 
     Raises
     ------
     StartBitError, StuffError, FormError, CrcError, AcknowledgeError
         If the frame violates a rule of CAN; the message names the first wrong bit, counted from 0,
-        and its field. A wrong CRC is reported after its last bit.
+        and its field. For a wrong CRC, it names the last bit before the CRC delimiter.
     LengthError, SymbolError
         If the bits end before the frame does, or a character is neither 0 nor 1.
 
@@ -357,7 +357,7 @@ def decode(bits: str) -> Frame:
             if line.raw(field) == right or (field == "EOF" and place == len(fixed)):
                 continue
             if field == "ACK slot":
-                raise line.fault(AcknowledgeError, field, "recessive; no receiver answered")
+                raise line.fault(AcknowledgeError, field, "recessive; no receiver acknowledged")
             raise line.fault(FormError, field, "dominant instead of recessive")
     content = int(data, 2).to_bytes(len(data) // 8, "big") if data else b""
     return Frame(int(number, 2), content, extended, remote == "1", dlc)
@@ -368,8 +368,8 @@ class Arbitration(NamedTuple):
     """The outcome of an arbitration, as returned by `arbitrate`.
 
     `bus` contains the bits on the bus, including stuff bits, up to the last bit that can decide the
-    outcome (IDE, or RTR of an extended frame). `stopped` contains the bit at which the sender of
-    each of the `frames` stopped, counted from 0, or None for the winner.
+    outcome (IDE, or RTR of an extended frame). `stopped` contains, for each frame, the index of the
+    bit at which its sender stopped, or None for the winner.
 
     Examples
     --------

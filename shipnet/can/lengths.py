@@ -25,9 +25,9 @@ Octets = npt.NDArray[np.uint8]
 #: Number of bits after the CRC sequence, including intermission.
 _TAIL_BITS = sum(len(bits) for _, bits in TAIL) + INTERMISSION
 
-#: Mean number of stuff bits by identifier (11 or 29 bits) and data bytes, for uniformly random
-#: identifiers and data, including the CRC; calculated by dynamic programming over CRC register,
-#: last bit and run. The tests repeat the calculation (`tests/can/test_lengths.py`).
+#: Mean number of stuff bits by identifier length (11, 29 bits) and number of data bytes, for
+#: uniformly random identifiers and data, including the CRC; calculated by dynamic programming over
+#: CRC register, last bit and run. The tests repeat the calculation (`tests/can/test_lengths.py`).
 _MEAN_STUFF = (
     (1.968750, 2.018089, 2.248796, 2.648793, 2.348793, 2.548793, 2.815460, 3.352960, 3.283168),
     (2.738010, 2.791322, 3.022456, 3.422457, 3.122450, 3.322451, 3.589117, 4.126897, 4.055775),
@@ -57,7 +57,7 @@ _TABLE: dict[Stuffing, tuple[tuple[float, ...], tuple[float, ...]]] = {
 
 
 def length_table(stuffing: Stuffing) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return frame lengths [bit] by identifier (11 or 29 bits) and number of data bytes."""
+    """Return frame lengths [bit] by identifier length (11, 29 bits) and number of data bytes."""
     check_choice("stuffing", stuffing, _TABLE)
     return _TABLE[stuffing]
 
@@ -73,7 +73,8 @@ def frame_length(
 ) -> float | Floats:
     r"""Return the length of data frames, including intermission.
 
-    With :math:`s` data bytes and :math:`g` = 34 other stuffed bits (54 for a 29-bit identifier):
+    With :math:`s` data bytes and :math:`g` other bits that are subject to stuffing, 34 for an
+    11-bit and 54 for a 29-bit identifier, the bound is
 
     .. math:: n = g + 8 s + 13 + \left\lfloor \frac{g + 8 s - 1}{4} \right\rfloor
 
@@ -96,8 +97,9 @@ def frame_length(
     -----
     In the bound of Davis et al. (2007), a run of equal bits may begin with a stuff bit. Tindell and
     Burns (1994) overlooked this and divided by 5 instead of 4; see `response_times`. No frame
-    reaches the bound, because reserved bits and CRC are not free: the longest standard frame has
-    133 bits. Real data are not random: eight zero bytes get 15 stuff bits, not the mean of 3.3.
+    reaches the bound, because reserved bits and CRC cannot be chosen freely: the longest standard
+    frame has 133 bits. Real data are not random: a standard frame with eight zero bytes has 13 to
+    17 stuff bits, not the mean of 3.3.
 
     Examples
     --------
@@ -120,10 +122,10 @@ def frame_length(
     return np.asarray(columns[long.astype(np.intp), size.astype(np.intp)], dtype=np.float64)
 
 
-#: Frames processed at once; with all intermediate results they fit into a core's cache.
+#: Number of frames processed at once; their intermediate results fit into a core's cache.
 CHUNK = 2**13
 
-#: States of the stuffing table: 0 before the mark, 1 to 4 in a run of zeros, 5 to 8 of ones.
+#: States of the stuffing table: 0 before the mark, 1..4 after a run of 1..4 zeros, 5..8 of ones.
 _IDLE, _MARK = 0, 1 + (RUN - 1)
 
 
@@ -182,7 +184,7 @@ def _measure(
 
 
 class StuffingTable(NamedTuple):
-    """Next state (times 256) and number of stuff bits after a byte, by state * 256 + byte."""
+    """Next state (times 256) and number of stuff bits inserted, by state * 256 + byte."""
 
     state: npt.NDArray[np.uint16]
     stuffed: npt.NDArray[np.uint8]

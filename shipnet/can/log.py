@@ -31,7 +31,7 @@ _KINDS = {
 def impossible(
     time: float, number: int, extended: bool, dlc: int, remote: bool = False, size: int = -1
 ) -> str:
-    """Return why a frame is illegal in classic CAN, or ""; `size` is its number of data bytes."""
+    """Return why a frame with `size` data bytes (-1: unknown) is illegal, or "" if it is legal."""
     highest = highest_id(extended)
     if not 0 <= number <= highest:
         return f"the identifier is {number:#x}; it must be 0..{highest:#x}"
@@ -45,7 +45,7 @@ def impossible(
 
 
 def hexadecimal(key: int) -> str:
-    """Return the identifier of a key of `Log.keys` in hexadecimal, with 3 or 8 digits."""
+    """Return the identifier in a key from `Log.keys`, in hexadecimal with 3 or 8 digits."""
     return f"0x{key >> 1:0{8 if key & 1 else 3}X}"
 
 
@@ -87,7 +87,7 @@ class Log:
             object.__setattr__(self, name, column)
         sizes = {name: len(getattr(self, name)) for name in _KINDS}
         if len({*sizes.values()}) != 1 or self.data.shape[1] != 8:
-            raise ArgumentError(f"numbers of rows {sizes} must agree; rows of data have 8 bytes")
+            raise ArgumentError(f"numbers of rows {sizes} must agree; data must have 8 columns")
         time, ids, dlc = self.time, self.arbitration_id, self.dlc
         highest = np.where(self.extended, highest_id(True), highest_id(False))
         wrong = (ids < 0) | (ids > highest) | (dlc > 15)
@@ -149,7 +149,7 @@ class Log:
                 file.write(f"({time:017.6f}) {channel} {name}#{rest}{raw}\n")
 
     def load(self, bit_rate: float, *, window: float = 1.0) -> LogLoad:
-        """Return the load of the buses in a sliding window, and the load per identifier.
+        """Return the load of each bus in a sliding window, and the load per identifier.
 
         `bit_rate` is 5e3..1e6 [bit/s], and `window` is the length of the window [s]. A time stamp
         marks the end of its frame. The bus counts as idle before the record begins, so the first
@@ -236,7 +236,7 @@ class LogLoad:
         return self._total.copy()
 
     def table(self) -> pd.DataFrame:
-        """Return one row per identifier, with its frames, bits, load and peak load."""
+        """Return one row per bus and identifier, with its frames, bits, load and peak load."""
         return self._messages.copy()
 
     def windows(self) -> pd.DataFrame:
@@ -256,7 +256,7 @@ class LogLoad:
 def _sliding(time: Floats, bits: Floats, window: float) -> Floats:
     """Return, for each frame, the number of bits in the window that ends with that frame."""
     summed = np.concatenate([[0.0], np.cumsum(bits)])
-    # Time stamps are in microseconds; the margin excludes a frame exactly one window earlier.
+    # Time stamps are often rounded to 1 us; the margin excludes a frame exactly one window earlier.
     first = np.searchsorted(time, time - window + 1e-7, side="left")
     last = np.searchsorted(time, time, side="right")
     return np.asarray(summed[last] - summed[first])

@@ -1,7 +1,7 @@
-"""Readers of CAN logs: candump, CSV, ASC, BLF and TRC, recognised by content.
+"""Readers of CAN logs in the formats candump, CSV, ASC, BLF and TRC.
 
-All readers return rows, which `_Found.add` checks. ASC and TRC files are read by python-can; BLF
-files are read here, because python-can's BLF reader may never finish on a damaged file.
+Records become rows, which `_Found.add` checks, except in `_take_plain`. python-can is used for ASC
+and TRC files, but not for BLF, because its BLF reader may never finish on a damaged file.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _FD, _ERROR, _FD_SIZES = "CAN FD frame", "error frame", (12, 16, 20, 24, 32, 48,
 
 
 class _Row(NamedTuple):
-    """A record of a file; `kind` is empty for a frame of classic CAN."""
+    """A record; `time` [s] is None if missing, and `kind` is empty for a classic CAN frame."""
 
     time: float | None
     channel: str
@@ -55,7 +55,7 @@ _DTYPES: tuple[Any, ...] = (float, str, np.int64, bool, bool, np.uint8, np.uint8
 
 
 class _Found:
-    """The records read from a file so far; `unit` is the unit of their places, such as ``line``."""
+    """The records read from a file so far; a place is a line or frame number, as `unit` says."""
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
@@ -123,7 +123,7 @@ def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     """Return the smallest set of indices to remove so that times never decrease."""
     if not np.any(np.diff(time) < 0):
         return np.zeros(0, dtype=np.intp)
-    # Longest non-decreasing subsequence: the best last value for each length, and its index.
+    # Longest non-decreasing subsequence: the smallest last value per length, and its index.
     lasts: list[float] = []
     ends: list[int] = []
     before = np.full(len(time), -1)
@@ -147,8 +147,9 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     Parameters
     ----------
     path : str or path-like
-        A candump file (``-l``, or its printed output), a CSV file of python-can or SavvyCAN, a BLF
-        file, or an ASC or TRC file, which requires python-can. The format is recognised by content.
+        A log written by ``candump -l`` or printed by candump, a CSV file from python-can or
+        SavvyCAN, or a BLF, ASC or TRC file; ASC and TRC require python-can. The format is
+        recognised by content, or otherwise by suffix.
     keep : bool, default False
         True to keep the readable frames of a damaged file; `Log.faults` lists what is missing.
 
@@ -160,16 +161,16 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     Raises
     ------
     InputError
-        If the file is missing or has another format; or, unless `keep` is True, if it has an
-        unreadable line, an illegal identifier, data length or time, data that do not match their
-        length, or times that decrease on a channel. The message names the lines or BLF frames.
+        If the file cannot be read or is an MDF file; or, unless `keep` is True, if it has an
+        unreadable record, an illegal identifier, data length or time, too few or too many data
+        bytes, or times that decrease on a channel. The message names the lines or BLF frames.
     ImportError
         If python-can is required but not installed.
 
     Notes
     -----
-    Line numbers, empty lines and comments after ``#``, ``;`` or ``//`` are ignored. If times
-    decrease, as few frames as possible are left out to restore the order. MDF is not supported.
+    Line numbers, empty lines and comments after ``#``, ``;`` or ``//`` are ignored. With `keep`,
+    if times on a channel decrease, as few frames as possible are left out to restore the order.
 
     Examples
     --------
@@ -319,7 +320,7 @@ def _take_plain(found: _Found, groups: list[tuple[bytes, ...]], first: int) -> N
 
 
 def _candump(line: str) -> _Row:
-    """Return the record in a line of any format of candump."""
+    """Return the record in a line of any candump format."""
     match = _LINE.fullmatch(line)
     if match is None:
         raise ValueError(
@@ -349,7 +350,7 @@ def _candump(line: str) -> _Row:
 
 
 def _seconds(text: str) -> float:
-    """Parse a candump time stamp, seconds or a UTC date, and return it in seconds."""
+    """Return the time [s] of a candump time stamp, a number of seconds or a UTC date."""
     if re.match(r"\d{4}-\d\d-\d\d ", text):
         return datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()
     if not _DECIMAL.fullmatch(text.strip()):
@@ -495,7 +496,7 @@ def _read_foreign(kind: str, file: Path) -> _Found:
                 message = next(messages)
             except StopIteration:
                 break
-            # A reader may raise any exception of its parser, and cannot continue after that.
+            # A reader may raise any exception, after which its iterator cannot continue.
             except Exception as problem:
                 found.fault(stream.line, said(problem))
                 if stream.ended:
@@ -503,7 +504,7 @@ def _read_foreign(kind: str, file: Path) -> _Found:
                 stream.text, stream.in_body = "", False
                 messages = iter(reader)
                 continue
-            # For ASC, python-can converts length codes 9..15 to numbers of bytes in CAN FD.
+            # For ASC, python-can converts length codes 9..15 to numbers of bytes, as in CAN FD.
             dlc = can.util.len2dlc(message.dlc) if asc else message.dlc
             found.add(stream.line, _row(message, dlc))
             stream.text = ""
@@ -520,7 +521,7 @@ def _row(message: Any, dlc: int) -> _Row:
     )  # fmt: skip
 
 
-#: Types of BLF objects: containers and frames; among the frames, errors and two forms of CAN FD.
+#: Types of BLF objects: containers, all frames, error frames, and two forms of CAN FD frames.
 _CONTAINER, _FRAMES, _ERRORS, _FD_FORM, _FD_LONG = 10, (1, 86, 73, 100, 101), 73, 100, 101
 
 #: Largest container and object [byte], and largest ratio of the unpacked size to the file size.
@@ -532,7 +533,7 @@ def _read_blf(file: Path) -> _Found:
     found, data = _Found("frame"), file.read_bytes()
     start = int.from_bytes(data[4:8], "little")
     if not 144 <= start <= len(data):
-        found.fault(0, f"its header length is {start}; expected 144..{len(data)}", "after frame 0")
+        found.fault(0, f"the header length is {start}; expected 144..{len(data)}", "after frame 0")
         return found
     size, count, tail = int.from_bytes(data[16:24], "little"), 0, b""
     if size > len(data):
@@ -565,7 +566,7 @@ def _read_blf(file: Path) -> _Found:
                     found.fault(count, f"a frame object of {len(part)} bytes cannot be decoded")
         tail = inner[parts.place :]
         if left <= 0:
-            fault(f"its containers unpack to more than {_RATIO} times its size")
+            fault(f"the containers unpack to more than {_RATIO} times the file size")
             break
     if tail or objects.place < len(data):
         fault("the end of the file is cut off")
@@ -596,7 +597,7 @@ def _object_row(kind: int, part: bytes, begin: float) -> _Row:
 
 
 class _Objects:
-    """Iterator over the types and bytes of BLF objects; `place` is where the next is sought."""
+    """Iterator over the types and bytes of BLF objects; the next search starts at `place`."""
 
     def __init__(self, data: bytes, place: int, most: int, fault: Callable[[str], None]) -> None:
         self.data, self.place, self.most, self.fault = data, place, most, fault
@@ -630,7 +631,7 @@ class _Objects:
 
 
 def _unpacked(container: bytes, most: int, fault: Callable[[str], None]) -> bytes:
-    """Return the unpacked content of a container, limited to `most` bytes."""
+    """Return the content of a container, of which at most `most` bytes are unpacked."""
     method = int.from_bytes(container[16:18], "little")
     if method == 0:
         return container[32:]

@@ -1,7 +1,7 @@
 """Messages of a bus: their priorities, load and files.
 
-A file has the columns `COLUMNS` in any order; columns titled `note` are ignored. Identifiers are
-decimal, or hexadecimal with 0x. Other common titles such as ``CAN-ID (hex)`` are recognised.
+A table has the columns `COLUMNS` in any order. Other common titles such as ``CAN-ID (hex)`` are
+recognised; columns titled ``note`` are ignored. Identifiers are decimal, or hexadecimal with 0x.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from shipnet.tables import NUMBER, Sheet, parse_sheet, read_bytes, read_sheet, t
 
 T = TypeVar("T")
 
-#: Common bit rates [bit/s]: Beckhoff, BX5100 documentation.
+#: Common bit rates [bit/s], from Beckhoff's documentation of the BX5100.
 BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 1_000_000)
 
 TIMES = ("period", "deadline", "jitter", "offset")  #: Fields of a message that are times.
@@ -69,8 +69,8 @@ class Message:
     dlc: int = whole(0, 8, "", "Number of data bytes")
     period: float = number(1e-6, 1e5, "s", "Shortest time between two events that trigger it")
     deadline: float = number(
-        1e-6, 1e5, "s", "Longest time from the event to the end of the frame; the period by "
-        "default. It may exceed the period", default=None, optional=True,
+        1e-6, 1e5, "s", "Longest allowed time from the event to the end of the frame; the "
+        "period by default. It may exceed the period", default=None, optional=True,
     )  # fmt: skip
     jitter: float = number(
         0, 1e5, "s", "Longest time from the event until the message is queued", default=0.0
@@ -103,7 +103,7 @@ class Message:
 
     @property
     def priority(self) -> tuple[int, bool, int]:
-        """Sort key of the arbitration; the smallest wins.
+        """Sort key for arbitration; the smallest key wins.
 
         The first 11 bits of the identifier are compared first. If they are equal, a standard frame
         wins: its RTR bit is dominant, but the SRR bit of an extended frame is recessive.
@@ -126,7 +126,7 @@ _KINDS = declared(Message)
 COLUMNS = tuple(f"{field}_ms" if field in TIMES else field for field in _KINDS)
 _NEEDED = COLUMNS[:4]
 
-#: Alternative titles of columns, without unit and punctuation.
+#: Alternative column titles, without units, spaces or punctuation.
 _TITLES = {
     "name": "message messagename msg msgname framename",
     "arbitration_id": "id canid canidentifier identifier messageid msgid frameid cobid",
@@ -214,7 +214,7 @@ class MessageSet(Named[Message]):
     messages : iterable of Message
         The messages in any order; names and identifiers must be unique.
     overlooked : iterable of str, optional
-        Faults of the file that were ignored when it was read.
+        Faults that were ignored when the file was read.
 
     Examples
     --------
@@ -274,7 +274,7 @@ class MessageSet(Named[Message]):
         return MessageSet([*self[:place], changed, *self[place + 1 :]])
 
     def ordered(self, names: Iterable[str]) -> MessageSet:
-        """Return the messages in a new priority order, given as a sequence of all names.
+        """Return the messages with new priorities; `names` lists all names, highest priority first.
 
         The identifiers of the set are reassigned in this order. If the set has both 11-bit and
         29-bit identifiers, all messages get new identifiers, whose first 11 bits count up from 0.
@@ -362,7 +362,7 @@ def bus_load(
     bit_rate : float or array_like of float
         Bit rate, 1000..1000000 [bit/s].
     stuffing : {"none", "mean", "attainable", "worst"}, default "worst"
-        Stuff bits counted, as in `frame_length`; if a message has ``bits``, that is its length.
+        Which stuff bits count, as in `frame_length`. If a message has ``bits``, that is its length.
 
     Returns
     -------
@@ -534,7 +534,7 @@ def said(problem: Exception) -> str:
 
 
 def _is_titles(cells: Sequence[str]) -> int:
-    """Return a score for how likely a row is the title row: 0 for an empty row or a comment."""
+    """Return a score for how likely a row is to be the title row: 0 if empty or a comment."""
     if not any(cells) or cells[0].startswith("#"):
         return 0
     return 1 + sum(_Title.of(cell.lower()).column in (*COLUMNS, *TIMES) for cell in cells)
@@ -581,7 +581,7 @@ def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) 
 
 
 class _Title(NamedTuple):
-    """The column that a title denotes, the power of ten of its unit, and its number base."""
+    """The column a title denotes, the power of ten from its unit to ms, and its number base."""
 
     column: str
     power: int = 0
@@ -589,7 +589,7 @@ class _Title(NamedTuple):
 
     @classmethod
     def of(cls, title: str) -> _Title:
-        """Return the column of a lower-case title; an unknown title becomes a column itself."""
+        """Interpret a lower-case title; the column of an unknown title is the title itself."""
         if title in COLUMNS:
             return cls(title)
         match = _UNIT.fullmatch(title) if len(title) < _LONGEST else None
@@ -645,7 +645,7 @@ def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:
 
 
 def _read_cell(field: str, kind: Kind, cell: str) -> tuple[Any, str]:
-    """Return the value of a cell, None if it is illegal, and a description of the legal values."""
+    """Return the value of a cell (None if illegal), and a description of the legal values."""
     if isinstance(kind, Number):
         time = float(Decimal(cell).scaleb(-3)) if NUMBER.fullmatch(cell) else -1
         legal = f"a number {kind.low * 1e3:g}..{kind.high * 1e3:g} ms"
@@ -666,5 +666,5 @@ def _whole(cell: str) -> int:
 
 
 def _milliseconds(time: float) -> str:
-    """Return a time in seconds as decimal milliseconds, to the nanosecond."""
+    """Return a time [s] as text: decimal milliseconds, to the nanosecond."""
     return f"{Decimal(nanoseconds(time)).scaleb(-6).normalize():f}"

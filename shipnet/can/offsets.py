@@ -1,7 +1,7 @@
-"""Response times if the messages of a sender share a clock, and offsets that shorten them.
+"""Response times if each sender's messages share a clock, and offsets that shorten these times.
 
-Times are whole ticks. The phases between clocks are unknown, so every other clock is assumed to be
-at its worst phase; only the message's own clock is examined instance by instance.
+Times are whole ticks. Each instance of a message is examined on the message's own clock. The phases
+between clocks are unknown, so all other clocks are assumed to be at their worst phases.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 
-#: Largest number of releases of a sender in a hyperperiod; further messages get clocks of their
-#: own, which is safe because it allows more phases.
+#: Largest number of releases of a clock in a hyperperiod; further messages of its sender start a
+#: new clock, which is safe because it allows more phases.
 MOST_RELEASES = 20_000
-_MOST_EVENTS = 1_000_000  #: Largest number of releases in a hyperperiod and the windows around it.
-_HIGHEST_LOAD = 0.99  #: Load from which busy periods are too long to examine.
+_MOST_EVENTS = 1_000_000  #: Largest number of releases in a hyperperiod and the margins around it.
+_HIGHEST_LOAD = 0.99  #: Lowest load at which busy periods are too long to examine.
 
 
 class Streams(NamedTuple):
@@ -39,7 +39,7 @@ class Streams(NamedTuple):
 
 
 def clocks(senders: list[str], periods: list[int]) -> Integers:
-    """Return the clock number of each message: its sender's clock, or its own without a sender."""
+    """Return the clock number of each message: its sender's, or its own if it has no sender."""
     found: list[int] = []
     newest: dict[str, tuple[int, list[int]]] = {}
     for place, (sender, period) in enumerate(zip(senders, periods, strict=True)):
@@ -58,7 +58,7 @@ def longest_responses(streams: Streams) -> list[int] | None:
     if load >= _HIGHEST_LOAD:
         return None
     jitter = streams.frame * (1 + streams.jitter / streams.period)
-    # `most` exceeds all busy periods. Most are far shorter, so the span starts small and doubles.
+    # `most` exceeds all busy periods, but they are usually far shorter, so the span starts small.
     most = 2 * (int((streams.frame.max(initial=0) + jitter.sum()) / (1 - load)) + 2) + streams.tau
     span = int(4 * streams.frame.sum()) + 1
     while (found := _within(streams, min(span, most))) is None:
@@ -93,7 +93,7 @@ class _Clock:
         self._gone = np.r_[0, np.cumsum(frame[which[late]])]
 
     def before(self, time: Integers) -> Integers:
-        """Return the work that is released before a time regardless of jitter."""
+        """Return the work that is released before each time, even at the largest jitter."""
         gone: Integers = self._gone[np.searchsorted(self.latest, time)]
         return gone
 
@@ -113,7 +113,7 @@ class _Clock:
 
 
 def _staircase(curves: list[tuple[Integers, Integers]]) -> tuple[Integers, Integers]:
-    """Return the window lengths at which a sum of curves grows, and the sum below each length."""
+    """Return the lengths at which a sum of curves grows, and its values: below each, then total."""
     if not curves:
         return np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
     length, step = (np.concatenate(column) for column in zip(*curves, strict=True))
@@ -167,7 +167,7 @@ def _within(streams: Streams, span: int) -> list[int] | None:
                 later = later + above.work[np.searchsorted(above.event, begin + until)]
             if later.max() + streams.tau > span:
                 return None
-        # In the other pairs the bus is idle before the instance.
+        # A pair whose delay ends before the instance does not count: the bus is idle in between.
         pending = delay >= instance - begin
         found.append(int((delay + frame - (instance - begin))[pending].max()))
         members[clock] = [*higher, m]
@@ -189,13 +189,12 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
     Returns
     -------
     MessageSet
-        The same messages with offsets from 0 to less than their periods.
+        The same messages; those with a sender have new offsets, from 0 to less than the period.
 
     Raises
     ------
     ArgumentError
-        If a period is not a multiple of `step`, or the hyperperiod of a sender exceeds a million
-        steps.
+        If a period is not a multiple of `step`, or a sender's hyperperiod exceeds 1000000 steps.
 
     Notes
     -----
@@ -231,7 +230,9 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
             )
         slots = math.lcm(*(int(periods[place]) // grain for place in mine))
         if slots > 10**6:
-            raise ArgumentError(f"step is {step:g} s, but {sender!r} repeats after {slots} steps")
+            raise ArgumentError(
+                f"step is {step:g} s, but {sender!r} repeats after {slots} steps (limit 1000000)"
+            )
         # Load around each slot: the frames in it and, with decreasing weight, in the slots near it.
         far = np.minimum(np.arange(slots), slots - np.arange(slots))
         near, load = np.fft.rfft(1 / (1 + far)), np.zeros(slots)

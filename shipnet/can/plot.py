@@ -1,4 +1,4 @@
-"""Figures of bits: a frame by its fields, and the senders of an arbitration."""
+"""Figures of bits: the fields of a frame, and the senders in an arbitration."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _COLOURS = {
 #: Short names for the labels below narrow fields.
 _SHORT = {"CRC delimiter": "CRC del.", "ACK slot": "ACK", "ACK delimiter": "ACK del."}
 
-#: Height of a row, including the labels below its cells and the level line above them.
+#: Height of a row, including the labels below and the level line above its cells.
 _PITCH = 3.6
 
 _BITS_PER_ROW = 30
@@ -107,7 +107,7 @@ def plot_contest(
 ) -> Axes:
     """Draw one row of bits per sender, and the bits on the bus below.
 
-    Each sender has a name, bits, indices of stuff bits, and the bit at which it stopped, or None.
+    A sender is (name, bits, indices of stuff bits, bit at which it stopped or None if it won).
     """
     rows, total = len(senders), len(bus)
     last = total - 1 if upto is None else check_whole("upto", upto, 0, total - 1)

@@ -30,7 +30,7 @@ from shipnet.lazy import Axes, pd
 
 @record
 class Assumptions:
-    """Assumptions of a response-time analysis, which change its results by a few bit times.
+    """Assumptions of a response-time analysis about stuff bits, intermission and jitter.
 
     The defaults are from Davis et al., Real-Time Systems 35, 2007.
 
@@ -49,11 +49,11 @@ class Assumptions:
         "Which stuff bits count, as in `frame_length`", default="worst",
     )  # fmt: skip
     intermission: Literal["everywhere", "between"] = choice(
-        ("everywhere", "between"), "Whether the 3 bits after a frame also count after the frame "
-        "of the message itself, or only between frames", default="everywhere",
+        ("everywhere", "between"), "Whether the 3 bits of intermission also count after the "
+        "message's own frame, or only between frames", default="everywhere",
     )  # fmt: skip
     own_jitter: bool = switch(
-        "Whether the response starts at the event, not when the message is queued", default=True
+        "Whether response times start at the event, not when the message is queued", default=True
     )
 
 
@@ -62,12 +62,12 @@ class Assumptions:
 _MOST_STEPS = 200_000
 
 
-#: Periodic frames in ticks: period, duration, and how early the first may be released.
+#: Period, duration and jitter of periodic frames, in ticks.
 _Stream = tuple[int, int, int]
 
 
 class Bus(NamedTuple):
-    """A message set at a bit rate, with times in ticks."""
+    """A message set at a given bit rate, with times in ticks."""
 
     second: int
     bit: int
@@ -77,14 +77,14 @@ class Bus(NamedTuple):
     assumptions: Assumptions
 
     def reported(self, message: int) -> int:
-        """Return the difference between a message's response and its delay."""
+        """Return a message's response time minus its queueing delay, in ticks."""
         _, frame, jitter = self.streams[message]
         spared = INTERMISSION * self.bit if self.assumptions.intermission == "between" else 0
         return frame - spared + (jitter if self.assumptions.own_jitter else 0)
 
 
 def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions | None) -> Bus:
-    """Return a message set at a bit rate, with its times converted to ticks."""
+    """Return a message set at a given bit rate, with its times converted to ticks."""
     assumptions = assumptions or Assumptions()
     rate = check_bit_rate(bit_rate)
     if rate % 1:
@@ -127,12 +127,12 @@ class Level:
             self._equal.append((interval, cost, 0))
             # `_settle` adds tau to the delay, but errors can occur until the end of the frame.
             self._higher.append((interval, cost, self.frame - self._tau))
-        # Higher-priority messages queued at the same time are sent first, at least once.
+        # At least one frame of each higher-priority message is sent first.
         self._least = self._constant + sum(frame for _, frame, _ in self._higher)
 
     @cached_property
     def busy_period(self) -> float:
-        """Longest time for which this and higher priorities keep the bus busy; may be infinite."""
+        """Longest busy period of this and higher priorities [ticks]; infinite if it never ends."""
         if not _ends(self._constant, self._equal):
             return math.inf
         # A busy period lasts at least until all messages queued at its start are sent.
@@ -166,7 +166,7 @@ def _ends(constant: int, streams: Sequence[_Stream]) -> bool:
 
 
 def _settle(constant: int, streams: Sequence[_Stream], start: float, tau: int) -> float:
-    """Return the least t >= start with t = constant + sum of ceil((t + tau + ahead) / T) * C."""
+    """The least t >= start with t = constant + sum of ceil((t + tau + ahead) / period) * frame."""
     t = start
     for _ in range(_MOST_STEPS):
         later: float = constant
@@ -188,7 +188,7 @@ _Solved = tuple[int, float, Sequence[float]]
 
 
 def _solve_together(bus: Bus) -> list[_Solved] | None:
-    """Return the results of `Level` for all messages; None for a small, huge or overloaded set."""
+    """Return the `Level` results for all messages; None for small, huge or heavily loaded sets."""
     number, load = len(bus.streams), sum(frame / period for period, frame, _ in bus.streams)
     if number < _FEW or load > 0.999 or max(map(max, bus.streams)) > 2**60:
         return None
@@ -221,8 +221,8 @@ def _first_gaps(
 ) -> Integers | None:
     """Return, per constant, the least t = constant + sum of ceil((t + ahead) / period) * frame.
 
-    The sum is over the first `below` streams; the result is None if a t exceeds the span. Each
-    release adds a frame, so t is the total work before the first release at or after the time t.
+    The sum is over the first `below` streams; the result is None if any t exceeds the span. Each
+    release adds a frame; t is the first sum that does not exceed the time of the next release.
     """
     period, frame, _ = streams
     # Number of releases up to and including time 0.
@@ -245,12 +245,13 @@ def _first_gaps(
 
 
 class ResponseTime(NamedTuple):
-    """The longest response time of a `message`, and its parts [s].
+    """The longest response time of a `message`, and the times that determine it [s].
 
-    `blocking` is the time of the longest frame that may already be on the bus. `busy_period` is the
-    longest time for which messages of this or higher priority keep the bus busy, blocking included:
-    infinite if it never ends, NaN with offsets. `instances` contains the longest response of each
-    instance in the busy period. `met` is True if `response`, their maximum, meets the deadline.
+    `blocking` is the duration of the longest lower-priority frame, which may already be on the bus.
+    `busy_period` is the longest time for which messages of this or higher priority keep the bus
+    busy, blocking included: infinite if it never ends, NaN with offsets. `instances` contains the
+    longest response of each instance in the busy period. `met` is True if `response`, their
+    maximum, meets the deadline.
 
     Examples
     --------
@@ -299,7 +300,7 @@ class ResponseTimes(Named[ResponseTime]):
         return all(one.met for one in self._items)
 
     def utilisation(self) -> Utilisation:
-        """Return the bus load, and the longest sum of a message's period and response time."""
+        """Return the bus load, and the largest sum of a message's period and response time."""
         load = sum(one.frame_time / one.message.period for one in self)
         waits = (one.message.period + one.response for one in self)
         return Utilisation(load, load, max(waits, default=math.nan))
@@ -311,7 +312,7 @@ class ResponseTimes(Named[ResponseTime]):
 
     @property
     def critical(self) -> str:
-        """Name of the message with the highest ratio of response to deadline; "" if none."""
+        """Name of the message with the highest response-to-deadline ratio; "" if there is none."""
         worst = max(self, key=lambda one: one.response / one.message.deadline, default=None)
         return "" if worst is None else worst.message.name
 
@@ -411,14 +412,14 @@ def response_times(
     Notes
     -----
     The method is from [1]_, with a tau of one bit time. Older analyses [2]_ examine only the first
-    instance in a busy period, so their bounds may be too low. Times are rounded once, to whole
-    ticks. A load within about 1e-4 of 1 counts as an overload if a busy period has more than 200000
-    iterations or instances. Every node must send its highest-priority message first, and the
-    instances of a message in order.
+    instance in a busy period, so their bounds may be too low. Given times are rounded once, to
+    whole nanoseconds. A load within about 1e-4 of 1 counts as an overload if a busy period takes
+    more than 200000 iterations to compute or contains more than 200000 instances. Every node must
+    send its highest-priority message first, and the instances of a message in order.
 
-    With `offsets`, only the clock of the message's own sender is examined instance by instance;
-    every other sender is assumed to be at its worst phase. The bound is safe. It equals the bound
-    without offsets if each message has its own sender, at loads of 0.99 and more, or if more than a
+    With `offsets`, only the frames of the message's own sender are examined one by one; every other
+    sender is assumed to be at its worst phase. The bound is safe. It equals the bound without
+    offsets if each message has its own sender, if the load is 0.99 or more, or if more than a
     million frames of a sender would have to be examined. If offsets count, `ResponseTime.instances`
     contains only the longest response, and the busy period is NaN.
 
@@ -471,7 +472,7 @@ def response_times(
 
 
 def _with_offsets(bus: Bus, messages: MessageSet, found: list[ResponseTime]) -> list[ResponseTime]:
-    """Return the response times, shortened by the offsets between messages of each sender."""
+    """Return the response times, taking account of the offsets between each sender's messages."""
     offsets = [nanoseconds(message.offset) * bus.nanosecond for message in messages]
     rows = [(*one, offset % one[0]) for one, offset in zip(bus.streams, offsets, strict=True)]
     tick = math.gcd(bus.bit, *chain.from_iterable(rows))

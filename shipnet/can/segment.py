@@ -28,7 +28,7 @@ Bits = npt.NDArray[np.int8]
 #: (ISO 11898-2); between the two, it may read either level.
 DOMINANT, RECESSIVE = 0.9, 0.5
 
-_INPUT = Load(r=20e3, c=100e-12)  #: Load of a node on the line, within ISO 11898-2.
+_INPUT = Load(r=20e3, c=100e-12)  #: Load of a node on the line, within the limits of ISO 11898-2.
 
 #: Differential voltage of a dominant driver [V], its source resistance [ohm], its switching time
 #: [s], and the number of time steps during switching.
@@ -105,7 +105,7 @@ class Segment:
         bit_rate : float
             Bit rate, 1e3..1e6 [bit/s].
         sample_point : float, default 0.75
-            Sample point as a fraction of the bit, 0.01..0.99, on the first sender's clock.
+            Sample point as a fraction of the bit time, 0.01..0.99; all nodes sample simultaneously.
         """
         rate = check_scalar("bit_rate", bit_rate, "bit/s", 1e3, 1e6)
         point = check_scalar("sample_point", sample_point, "", 0.01, 0.99)

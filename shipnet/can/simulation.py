@@ -56,10 +56,11 @@ class Run:
     _nodes: pd.DataFrame
 
     def events(self) -> pd.DataFrame:
-        """Return one row per frame, in order of release; times are NaN for frames not sent.
+        """Return one row per frame, in order of release.
 
         ``arrival_ms`` is the time of the event, ``release_ms`` includes the jitter, and
-        ``response_ms`` is the time from event to end of frame. ``outcome`` is sent or waiting.
+        ``response_ms`` is the time from event to end of frame. ``outcome`` is sent or waiting; a
+        waiting frame was not sent, so its start, end and response are NaN.
         """
         return self._events.copy()
 
@@ -72,7 +73,7 @@ class Run:
         return self._table.copy()
 
     def utilisation(self) -> Utilisation:
-        """Return the bus load, and the longest time from an event to the end of the next frame."""
+        """Return the bus load, and the longest time from a change until the new value is sent."""
         sent = self._events[self._events["outcome"] == "sent"].sort_values("arrival_ms")
         before = sent.groupby("message", observed=True)["arrival_ms"].shift()
         return Utilisation(self.load, self.load, float((sent["end_ms"] - before).max()) / 1e3)
@@ -80,8 +81,8 @@ class Run:
     def errors(self) -> pd.DataFrame:
         """Return one row per destroyed frame.
 
-        ``free_ms`` is the time at which the bus was free again, and ``bit`` the disturbed bit;
-        ``tec`` and ``state`` are the sender's error counter and state afterwards.
+        ``free_ms`` is when the bus was free again, and ``bit`` the disturbed bit, counted from 0;
+        ``tec`` and ``state`` are the sender's transmit error counter and state afterwards.
         """
         return self._errors.copy()
 
@@ -123,7 +124,7 @@ class Run:
         return ax
 
     def log(self) -> Log:
-        """Return the frames sent as a log of the bus, with zeros as data."""
+        """Return a log of all frames sent on the bus, with zeros as data."""
         sent = self._events[self._events["outcome"] == "sent"].sort_values("end_ms")
         rank = sent["message"].cat.codes.to_numpy()
         ids, extended, dlc = (
@@ -176,10 +177,10 @@ def simulate(
     A frame ends with its 3 bits of intermission, as in response-time analysis. Jitter delays each
     release by a uniformly random time, but frames of one message stay in order. All nodes detect an
     error at the same time; the error destroys the frame, which is sent again. An error-passive node
-    waits for 8 more bits after its own frames. A node whose counter reaches 256 is bus off until it
-    has received 128 sequences of 11 recessive bits (Bosch, "CAN specification 2.0", 1991, part B,
-    sections 3.2.5 and 8). Errors in error frames, overload frames and missing acknowledgements are
-    not modelled.
+    waits for 8 more bits after its own frames. A node whose transmit error counter reaches 256 is
+    bus off until it has received 128 sequences of 11 recessive bits (Bosch, "CAN specification
+    2.0", 1991, part B, sections 3.2.5 and 8). Errors in error frames, overload frames and missing
+    acknowledgements are not modelled.
 
     A simulation need not contain the worst case; `response_times` returns a bound on it.
 
@@ -285,7 +286,7 @@ class BatchRun:
 def simulate_batch(
     messages: MessageSet, bit_rate: float, *, offsets: npt.ArrayLike, until: float
 ) -> BatchRun:
-    """Simulate the same messages with many sets of offsets at once, without jitter and errors.
+    """Simulate the same messages with many sets of offsets at once, without jitter or errors.
 
     Parameters
     ----------
@@ -349,7 +350,7 @@ class _Columns(NamedTuple):
 
 
 def _columns(messages: MessageSet) -> _Columns:
-    """Return a set as columns; `owner` is the index of each message's sender."""
+    """Return a message set as columns; `owner` is the index of each message's sender."""
     if not len(messages):
         raise ArgumentError("messages are empty; there must be at least one")
     times = (

@@ -1,4 +1,4 @@
-"""Lines: cables, networks of them with loads, their waveforms and their voltage drop."""
+"""Lines: cables, networks of cables and loads, waveforms and voltage drop."""
 
 import lazy_loader
 

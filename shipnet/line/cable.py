@@ -26,20 +26,20 @@ from shipnet.fields import (
 from shipnet.lazy import Axes
 from shipnet.line.waveform import laplace_grid, synthesize
 
-#: Legal constants; l and c are above 0, so every cable has a characteristic impedance and a delay.
+#: Bounds of the constants; l and c are above 0, so that sqrt(l / c) and sqrt(l c) are too.
 LEAST, MOST = 1e-18, 1e12
 
 
 @dataclass(frozen=True, eq=False)
 class Pulse:
-    """A travelling pulse: positions [m], times [s] and voltages [V], shape (n_steps, n_places)."""
+    """A travelling pulse: positions [m], times [s], voltages [V] of shape (n_steps, n_places)."""
 
     x: Floats
     t: Floats
     u: Floats
 
     def plot(self, ax: Axes | None = None, *, step: int) -> Axes:
-        """Draw the pulse at time step `step`, and the range of earlier voltages in grey."""
+        """Draw the pulse at time step `step`, and the range of voltages reached so far in grey."""
         ax = style.axes(ax)
         lowest, highest = min(self.u.min(), 0.0), max(self.u.max(), 0.0)
         margin = 0.08 * (highest - lowest)
@@ -56,7 +56,7 @@ class Pulse:
 
 
 class Valued:
-    """An object that equals another if all constants are equal; some may be arrays."""
+    """Base class of objects that are equal if their constants, which may be arrays, are equal."""
 
     @property
     def parameters(self) -> tuple[Quantity | None, ...]:
@@ -123,7 +123,7 @@ class Cable(Valued):
 
     @classmethod
     def lossless(cls, z0: npt.ArrayLike, delay: npt.ArrayLike) -> Cable:
-        """Return the lossless cable with a characteristic impedance [ohm] and a delay [s/m]."""
+        """Return the lossless cable with this characteristic impedance [ohm] and delay [s/m]."""
         impedance = np.asarray(check_quantity("z0 of a cable", z0, "ohm", low=1e-3, high=1e6))
         per_metre = np.asarray(
             check_quantity("delay of a cable", delay, "s/m", low=1e-12, high=1e-3)
@@ -158,7 +158,7 @@ class Cable(Valued):
 
     def propagation(self, s: npt.ArrayLike) -> Complexes:
         """Return the propagation constant sqrt(z y): attenuation [Np/m] and phase [rad/m]."""
-        # The root of the product would change sign where the product crosses the negative axis.
+        # The root of the product would change sign where z y crosses the negative real axis.
         return np.asarray(np.sqrt(self.series_impedance(s)) * np.sqrt(self.shunt_admittance(s)))
 
     def attenuation(self, f: npt.ArrayLike) -> Floats:
@@ -184,12 +184,12 @@ class Cable(Valued):
         """Simulate a Gaussian pulse of 1 V and standard deviation `width` [s] and its echo.
 
         The near end is matched; the far end has a resistor `end` [ohm] or is open (None). The
-        result ends when the echo returns. `width` is 1/200 to 2 times the delay of the cable.
+        result ends when the echo returns. `width` must be 1/200 to 2 times the cable's delay.
         """
         metres = check_scalar("length", length, "m", 1.0, 1e5)
         steps = check_whole("n_steps", n_steps, 2, 10_000)
         if np.ndim(self.z0) or np.ndim(self.delay):
-            raise ArgumentError("cable has constants of many cables; it must be a single cable")
+            raise ArgumentError("cable has constants that are arrays; a pulse needs a single cable")
         delay, z0 = float(self.delay) * metres, float(self.z0)
         sigma = check_scalar("width", width, "s", delay / 200, 2 * delay)
         ohms = np.inf if end is None else check_scalar("end", end, "ohm", 1e-18, 1e18)
@@ -223,14 +223,14 @@ def _asi(r: float, r_dc: float) -> Cable:
     return Cable(r=r, l=0.65e-6, c=65e-12, r_dc=r_dc)
 
 
-#: Cables by name; the number in ``as-i`` cables is the area of a conductor [mm2].
+#: Cables by name; the number in an ``as-i`` name is the cross-section of a conductor [mm2].
 #:
 #: ``as-i``: l and c meet a data sheet's 0.5 to 0.75 uH/m, at most 80 pF/m and 70 to 140 ohm [1]_.
 #: At 1 A DC, the voltage drop on 100 m is 5.2, 2.7 and 1.6 V [2]_; the data sheets allow 27.4 [1]_
 #: and 16.4 mohm/m [3]_ for the thicker two. The resistance at about 150 kHz is assumed; its ratio
-#: to that at direct current is the same for all. ``as-i lossless``: the same l and c without loss.
-#: ``can`` and ``rs-485``: nominal characteristic impedance and delay of [4]_, lossless; [5]_ gives
-#: the same 120 ohm but no delay.
+#: to the DC resistance is nearly the same for all. ``as-i lossless``: the same l and c without
+#: loss. ``can`` and ``rs-485``: nominal characteristic impedance and delay of [4]_, lossless; [5]_
+#: gives the same 120 ohm but no delay.
 #:
 #: .. [1] Lapp, UNITRONIC BUS ASI, data sheet.
 #: .. [2] Schneider Electric, AS-i help D-SA-0011271.

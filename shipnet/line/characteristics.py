@@ -1,10 +1,10 @@
 """Time-domain simulation of lines by the method of characteristics.
 
-Each end of a lossless line is a resistor Z0 and a source that repeats the wave that left the
-other end one delay earlier, so each node is solved separately. A quarter of a line's resistance is
-at each end and half in its middle; inductors and capacitors use the trapezoidal rule. See
-H. W. Dommel, "Digital computer solution of electromagnetic transients", IEEE Trans. PAS-88 (1969)
-388-399.
+Each end of a lossless line is modelled as a resistor Z0 and a source that repeats the wave that
+left the other end one delay earlier, so each node is solved separately. A quarter of a line's
+resistance is at each end and half in its middle; inductors and capacitors are integrated by the
+trapezoidal rule. See H. W. Dommel, "Digital computer solution of electromagnetic transients",
+IEEE Trans. PAS-88 (1969) 388-399.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _BLOCK = 512
 
 
 def simulate(network: Network, sources: Mapping[str, tuple[Floats, Floats]], dt: float) -> Floats:
-    """Return the voltages of all nodes, shape (n_nodes, n_t) [V]; the network is at rest at first.
+    """Return the voltages of all nodes, shape (n_nodes, n_t) [V]; the network is initially at rest.
 
     A source is a current into its node [A] and a parallel conductance [S], with one value of each
     per step `dt` [s]. Values at the first step are ignored: all voltages are 0 then. The error
@@ -83,11 +83,11 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
         cable, length = run.made_of, run.length
         if cable.skin:
             raise ArgumentError(
-                f"cable of {run} has skin = {cable.skin:g} Hz; a time-domain simulation needs "
+                f"{run} has skin = {cable.skin:g} Hz; a time-domain simulation needs "
                 "a constant resistance, skin = 0"
             )
         delay, z0, quarter = length * cable.delay, cable.z0, length * cable.r / 4
-        # Rounding may make a whole number of steps a little smaller or larger.
+        # Rounding may have made a whole number of steps a little too small or too large.
         steps = delay / dt + 1e-9
         if steps < 1:
             raise ArgumentError(
@@ -96,8 +96,8 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
             )
         if quarter >= z0:
             raise ArgumentError(
-                f"{run} has {4 * quarter:.4g} ohm; in a time-domain simulation it must be below "
-                f"four times the characteristic impedance, {z0:.4g} ohm: divide the run"
+                f"{run} has {4 * quarter:.4g} ohm; a time-domain simulation needs less than "
+                f"four times the characteristic impedance of {z0:.4g} ohm: divide the run"
             )
         whole = int(steps)
         fraction = max(0.0, steps - whole - 2e-9)
@@ -135,7 +135,7 @@ class _Nodes:
             voltage += self.charge
             voltage -= self.flux
             voltage *= factor
-            # Trapezoidal rule; state and voltage are combined, so that each has one recurrence.
+            # Trapezoidal rule: each state combines a current and a voltage, and has one recurrence.
             if self.inductive is not None:
                 np.multiply(self.inductive, voltage, out=work)
                 self.flux += work

@@ -18,7 +18,7 @@ from shipnet.lazy import Axes
 from shipnet.line.cable import CABLES, Cable, Valued
 from shipnet.line.solver import Rooted, check_frequencies, closed_transfer, tree_transfer
 
-#: Legal lengths [m]: a shorter run would be a single node, and no field bus is longer.
+#: Legal lengths [m]: a shorter run would in effect be a single node, and no field bus is longer.
 SHORTEST, LONGEST = 1e-6, 1e6
 
 #: Legal values of a load [ohm, H, F].
@@ -107,7 +107,7 @@ class Load(Valued):
         return self.r, self.l, self.c
 
     def __add__(self, other: Load) -> Load:
-        """Return both loads in parallel."""
+        """Return the load that is equivalent to both loads in parallel."""
         if not isinstance(other, Load):
             return NotImplemented
         return Load(_parallel(self.r, other.r), _parallel(self.l, other.l), _sum(self.c, other.c))
@@ -152,13 +152,13 @@ class Layout(NamedTuple):
 class Network:
     """Runs of cable between named nodes, with loads from the nodes to the reference conductor.
 
-    Lengths, loads and the constants of cables may be arrays of shape (n_trees,): they define
-    many networks of one topology, which are computed together.
+    Lengths and the constants of cables and loads may be arrays of shape (n_trees,): these define
+    many networks with the same topology, which are computed together.
 
     Parameters
     ----------
     runs : iterable of CableRun
-        A tree of cables, or a tree with one ring, with at most one cable between any two nodes.
+        Cables that form a tree or a tree with one ring; at most one cable may join any two nodes.
     loads : mapping of str to Load, optional
         The loads at the nodes.
 
@@ -201,8 +201,8 @@ class Network:
             if one == other:
                 if self._ring is not None:
                     raise ArgumentError(
-                        f"{run} would close a second ring, after {self.runs[self._ring]}; "
-                        "a network has at most one"
+                        f"{run} would close a second ring, after the one closed by "
+                        f"{self.runs[self._ring]}; a network has at most one"
                     )
                 self._ring = number
             group[one] = other
@@ -234,7 +234,7 @@ class Network:
 
     @property
     def nodes(self) -> tuple[str, ...]:
-        """Names of the nodes: those of the runs in order, then those with loads only."""
+        """Names of the nodes in the order of the runs, then those that occur only in `loads`."""
         return tuple(self._index)
 
     @property
@@ -248,7 +248,7 @@ class Network:
         return self._trees
 
     def index(self, name: str, what: str = "name") -> int:
-        """Return the index of a node, its row in every result; errors call the argument `what`."""
+        """Return the index of a node, its row in results; `what` names the argument in errors."""
         try:
             return self._index[name]
         except (KeyError, TypeError):
@@ -286,11 +286,11 @@ class Network:
     def transfer(
         self, root: str, s: npt.ArrayLike, to: str | None = None
     ) -> npt.NDArray[np.complex128]:
-        """Return the transfer impedances between the root and every node, or the node `to` [ohm].
+        """Return the transfer impedances [ohm] between the root and every node, or only node `to`.
 
-        Row k is the voltage at node k per ampere into the root, and, as the network is reciprocal,
-        the voltage at the root per ampere into node k. `s` contains complex frequencies [rad/s];
-        their real parts must not be negative. A ring takes two or three times as long as a tree.
+        Row k is the voltage at node k per ampere into the root and, because the network is
+        reciprocal, the voltage at the root per ampere into node k. `s` contains complex frequencies
+        [rad/s]; no real part may be negative. A ring takes two or three times as long as a tree.
         """
         bins = check_frequencies(s)
         pieces = [(run.made_of, run.length) for run in self.runs]
@@ -311,7 +311,7 @@ class Network:
     def operating_point(
         self, supply: str, voltage: npt.ArrayLike, currents: Mapping[str, npt.ArrayLike]
     ) -> dict[str, Quantity]:
-        """Return the voltage of each node at DC [V], while nodes draw `currents` [A].
+        """Return the DC voltage at each node [V] when nodes draw the given `currents` [A].
 
         The supply keeps its node at `voltage` [V]; loads are ignored.
         """
@@ -335,7 +335,7 @@ class Network:
 
         drop = _drop(tree, drawn, ohms)
         if self.ring is not None:
-            # The voltages around the ring add up to 0; the current in the closing run follows.
+            # The voltages around the ring add up to 0, which determines the closing run's current.
             ring = self.runs.index(self.ring)
             a, b = (tree.order.index(self.index(end)) for end in (self.ring.a, self.ring.b))
             around = np.zeros_like(drawn)
@@ -353,7 +353,7 @@ class Network:
         return dict(zip(self.nodes, volts[:, 0].tolist() if trees is None else volts, strict=True))
 
     def layout(self, root: str | None = None) -> Layout:
-        """Place the nodes: cables to scale along x, branches in rows that do not cross."""
+        """Place the nodes, with cables to scale along x and branches in separate rows."""
         tree = self.rooted(root or next(iter(self.nodes), ""))
         count = len(tree.order)
         length = [float(np.mean(run.length)) for run in self.runs]
@@ -366,7 +366,7 @@ class Network:
             way = reach[place] + length[tree.run[place]]
             reach[tree.parent[place]] = max(reach[tree.parent[place]], way)
 
-        # The longest branch stays in its row and stubs get rows below, so that no lines cross.
+        # A node's longest branch stays in its row; others get rows below, so that no lines cross.
         row, lowest, waiting = [0] * count, 0, [(0, 0)]
         while waiting:
             place, beside = waiting.pop()
@@ -392,7 +392,7 @@ class Network:
         return Layout(spot, strokes, closing)
 
     def plot(self, ax: Axes | None = None, *, root: str | None = None) -> Axes:
-        """Draw the network: cables to scale along x from the root, loads as filled dots."""
+        """Draw the network: cables to scale along x from the root, a filled dot at each load."""
         ax = style.axes(ax)
         placed = self.layout(root)
         for stroke in placed.strokes:
@@ -411,7 +411,7 @@ class Network:
 
 
 def _drop(tree: Rooted, drawn: Floats, resistance: Floats) -> Floats:
-    """Return the voltage drop from the root to each node, in tree order, without the ring."""
+    """Return the voltage drop from the root of a tree to each node [V], in tree order."""
     flow = drawn[tree.order]
     for place in range(len(flow) - 1, 0, -1):
         flow[tree.parent[place]] += flow[place]

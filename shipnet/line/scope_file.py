@@ -1,8 +1,9 @@
 """Read recorded waveforms from scope CSV files, numpy arrays and sigrok sessions.
 
-The headers of text files differ by manufacturer. The last rows show which columns contain numbers;
-the header, with titles and units, ends where such rows begin. Known layouts: Tektronix TDS and MDO,
-Keysight, Rigol, Siglent, LeCroy, PicoScope, Rohde & Schwarz, OWON, Digilent.
+Text files of different manufacturers have different headers. The last rows of a file show which
+columns contain numbers; the header, with titles and units, ends where rows of this kind begin.
+Known layouts: Tektronix TDS and MDO, Keysight, Rigol, Siglent, LeCroy, PicoScope, Rohde & Schwarz,
+OWON, Digilent.
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ from shipnet.lazy import pd
 #: Lowest sampling rate that resolves pulses of 3 us [1/s].
 SLOWEST_RATE = 1e6
 
-#: Maximum number of values to which the wanted channel of an archive may unpack, in total or, if
-#: more, per byte of the file: an archive of a few bytes can unpack to any size.
+#: Limits on how many numbers the arrays of an archive or a channel of a session may unpack to: in
+#: total, and per byte of the file; the larger one applies. A tiny archive can unpack to any size.
 MOST_NUMBERS, MOST_PER_BYTE = 2**24, 4
 
 #: Size above which a numpy file is memory-mapped instead of read [byte].
 MAPPED = 2**26
 
-#: Maximum number of logic bytes per byte of a session (deflate reaches 1032), and of changes.
+#: Limits on logic bytes per byte of a session (deflate reaches 1032) and on level changes.
 MOST_LOGIC_PER_BYTE, MOST_EDGES = 1100, 2**24
 
 #: Number of logic samples per block.
@@ -47,7 +48,7 @@ _BLOCK = 2**22
 #: Uncertainty of an interpolated edge of a sampled voltage [sample].
 _INTERPOLATED = 0.3
 
-#: Largest metadata of a sigrok session [byte].
+#: Maximum size of the metadata of a sigrok session [byte].
 _LARGEST_METADATA = 2**20
 
 #: Magnitude above which a number cannot be a time or a voltage in any unit.
@@ -107,13 +108,13 @@ class Edges(NamedTuple):
 def read_edges(
     path: str | PathLike[str], *, channel: str | None = None, sample_interval: float | None = None
 ) -> Edges:
-    """Read the level changes of one channel, by default of the one with the most changes."""
+    """Read the level changes of one channel, by default the one with the most changes."""
     return _read(path, channel, sample_interval, _edges)
 
 
 def bit_time(edges: Edges, longest: int) -> float:
     """Return the number of samples per bit, estimated from runs of up to `longest` bits."""
-    # Nearly half of all runs are one bit long and none is shorter; the others are multiples of it.
+    # Nearly half of the runs are one bit long, none is shorter, and all are multiples of a bit.
     runs = np.diff(edges.places)
     runs = runs[runs < 16 * np.quantile(runs, 0.2)]
     bit = float(runs[runs <= 1.6 * np.quantile(runs, 0.1)].mean())
@@ -157,19 +158,19 @@ def _read(
 
 
 class _Channels(NamedTuple):
-    """The content of a file: one column per channel, and its times if they are known."""
+    """The content of a file: one column per channel, and the times or their interval if known."""
 
     values: Callable[[int], Floats]  # reads the numbers of a column
     columns: list[Column]
     interval: float | None
     quantum: float | None  # step to which times are rounded; None if it follows from the digits
-    logic: _Logic | None = None  # changes of level of a session, instead of numbers
+    logic: _Logic | None = None  # level changes of a session, instead of numbers
 
 
 class _Logic(NamedTuple):
-    """Changes of a session's logic channels."""
+    """Level changes of a session's logic channels."""
 
-    places: npt.NDArray[np.int64]  # sample of each change
+    places: npt.NDArray[np.int64]  # first sample after each change
     words: npt.NDArray[np.uint64]  # levels at the beginning and after each change
     samples: int
     interval: float | None
@@ -181,7 +182,7 @@ def _columns_of(values: Floats) -> Callable[[int], Floats]:
 
 @contextmanager
 def _whole(file: str) -> Iterator[IO[bytes]]:
-    """Open a binary file; turn any error of a parser into an InputError."""
+    """Open a binary file; convert any parser error to an InputError."""
     try:
         with _opened(file) as stream:
             yield stream
@@ -215,7 +216,7 @@ def _array(stream: IO[bytes]) -> npt.NDArray[Any]:
 
 
 def _mapped(stream: IO[bytes], begin: int) -> npt.NDArray[Any]:
-    """Return the array at the byte `begin` of a file, memory-mapped instead of read."""
+    """Return the array that starts at byte `begin` of a file, memory-mapped instead of read."""
     stream.seek(begin)
     header = {
         (1, 0): np.lib.format.read_array_header_1_0,
@@ -227,10 +228,10 @@ def _mapped(stream: IO[bytes], begin: int) -> npt.NDArray[Any]:
 
 
 def _member(archive: zipfile.ZipFile, stream: IO[bytes], name: str) -> npt.NDArray[Any]:
-    """Read an array of an archive, or memory-map it if it is large and not compressed."""
+    """Read an array from an archive, or memory-map it if it is large and not compressed."""
     entry = archive.getinfo(name)
     if entry.compress_type == zipfile.ZIP_STORED and entry.file_size > MAPPED:
-        # A header of 30 bytes, the name and another field precede the array.
+        # A header of 30 bytes, the name and the extra field precede the array.
         stream.seek(entry.header_offset + 26)
         return _mapped(stream, entry.header_offset + 30 + sum(unpack("<HH", stream.read(4))))
     with archive.open(name) as part:
@@ -240,8 +241,8 @@ def _member(archive: zipfile.ZipFile, stream: IO[bytes], name: str) -> npt.NDArr
 def _members(
     file: str, stream: IO[bytes], archive: zipfile.ZipFile, names: dict[str, str]
 ) -> dict[str, npt.NDArray[Any]]:
-    """Read arrays of an archive; raise InputError if they would unpack to too many numbers."""
-    # A first check, as if each number had eight bytes; it may have as few as one.
+    """Read arrays from an archive; raise InputError if they would unpack to too many numbers."""
+    # Check before reading, assuming eight bytes per number; a number may have as few as one.
     _check_size(file, stream, sum(archive.getinfo(name).file_size for name in names.values()) / 8)
     held = {key: _member(archive, stream, name) for key, name in names.items()}
     _check_size(file, stream, sum(array.size for array in held.values()))
@@ -249,7 +250,7 @@ def _members(
 
 
 def read_arrays(path: str | PathLike[str], keys: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
-    """Read arrays of an ``.npz`` file by name; raise InputError if one does not exist."""
+    """Read arrays from an ``.npz`` file by name; raise InputError if one is missing."""
     file, wanted = str(path), tuple(keys)
     with _whole(file) as stream, zipfile.ZipFile(stream) as archive:
         held = {name.removesuffix(".npy") for name in archive.namelist()}
@@ -268,7 +269,7 @@ def _check_real(file: str, what: str, array: npt.NDArray[Any]) -> Floats:
 
 
 def _rounding(times: npt.NDArray[Any]) -> float:
-    """Return the rounding step of an array of times."""
+    """Return the step to which the largest of an array of times is rounded; 0 for integers."""
     return float(np.spacing(np.abs(times).max())) if times.dtype.kind == "f" else 0.0
 
 
@@ -448,7 +449,7 @@ def _named(about: dict[str, str], kind: str) -> dict[int, str]:
 
 
 def _pick(file: str, table: _Channels, channel: str | None) -> tuple[list[int], int | None]:
-    """Return the indices of the wanted columns of voltages or levels, and of the times."""
+    """Return the indices of the wanted voltage or level columns, and of the time column or None."""
     columns = table.columns
     time = None if table.logic else _time_column(table)
     usable = [k for k, column in enumerate(columns) if k != time and column.unit in ("", "V")]
@@ -500,7 +501,7 @@ def _edges(
 def _edges_of(
     file: str, table: _Channels, k: int, time: int | None, interval: float | None
 ) -> Edges:
-    """Return the changes of one column of numbers."""
+    """Return the level changes of one column of numbers."""
     u, title = _checked(file, table, k), table.columns[k].title
     if len(u) < 2:
         raise InputError(file, f"it has {len(u)} sample; expected 2 or more")
@@ -529,10 +530,10 @@ def _edges_of(
 
 
 def _crossings(u: Floats) -> tuple[int, Floats]:
-    """Return the first level, and where a voltage crosses the middle between its two levels.
+    """Return the first level, 0 or 1, and where `u` crosses the middle of the two levels [sample].
 
-    A change counts when the voltage has left a band around the middle: four times the noise of the
-    levels on each side, limited to 0.1 to 0.3 of their difference.
+    A change counts once the voltage has left a band of four times the noise on each side of the
+    middle; this half-width is limited to 0.1 to 0.3 of the difference between the levels.
     """
     known = u[~np.isnan(u)]
     middle = (known.min() + known.max()) / 2
@@ -548,7 +549,7 @@ def _crossings(u: Floats) -> tuple[int, Floats]:
     sure = np.flatnonzero(state >= 0)
     flips = np.flatnonzero(np.diff(state[sure]))
     beyond = u > middle
-    # The last crossing before the voltage leaves the band; halfway if voltages are missing.
+    # The last crossing before the voltage leaves the band; halfway between samples if one is NaN.
     crossed = np.flatnonzero(beyond[1:] != beyond[:-1])
     last = np.maximum(np.searchsorted(crossed, sure[flips + 1]) - 1, 0)
     last = crossed[last] if len(flips) else flips
@@ -561,7 +562,7 @@ def _crossings(u: Floats) -> tuple[int, Floats]:
 def _recording(
     file: str, table: _Channels, channel: str | None, sample_interval: float | None
 ) -> Recording:
-    """Return the voltages of the wanted channel, or of the first one, at equal steps."""
+    """Return the voltages of the wanted channel, by default the first, at equal steps."""
     wanted, time = _pick(file, table, channel)
     columns = table.columns
     usable, _ = _pick(file, table, None)
@@ -580,8 +581,8 @@ def _recording(
             raise _no_times(file)
     # Accept a rate of exactly 1 MS/s that is computed from rounded times.
     if sample_interval > 1.001 / SLOWEST_RATE:
-        rate = f"it has {1e-6 / sample_interval:.3g} MS/s"
-        raise InputError(file, f"{rate}; pulses of 3 us need {SLOWEST_RATE / 1e6:g} or more")
+        rate = f"it was sampled at {1e-6 / sample_interval:.3g} MS/s"
+        raise InputError(file, f"{rate}; pulses of 3 us need {SLOWEST_RATE / 1e6:g} MS/s or more")
     title = chosen.title or f"column {chosen.number}"
     among = f" of {_titles(table, usable)}" if len(usable) > 1 else ""
     description = (
@@ -634,7 +635,7 @@ def _time_column(table: _Channels) -> int | None:
 
 
 def _even(file: str, table: _Channels, time: int, u: Floats) -> tuple[float, Floats]:
-    """Return the time between two samples, and the voltages in the order of time."""
+    """Return the time between two samples, and the voltages in order of increasing time."""
     column = table.columns[time]
     t = _checked(file, table, time) * column.scale
     if not np.isfinite(t).all():
@@ -699,7 +700,7 @@ def _read_text(file: str, data: bytes) -> _Channels:
 
 
 def _normal(file: str, data: bytes) -> bytes:
-    """Return the content as UTF-8 or Latin-1 without a byte order mark, with LF line ends."""
+    """Return the content as UTF-8 or Latin-1 without a byte order mark, with LF line endings."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16", errors="replace").encode()
     if b"\0" in data:
@@ -757,8 +758,8 @@ def _layout(tail: list[str]) -> _Layout:
 def _header(file: str, data: bytes, layout: _Layout) -> tuple[list[str], int]:
     """Return the lines above the numbers, and the byte at which the numbers begin.
 
-    The numbers begin at the first row of numbers whose next two lines, if the file has them, are
-    rows of numbers or blank; the header may contain one or two consecutive rows of numbers.
+    The numbers begin at the first row of numbers followed by two rows of numbers or blank lines, or
+    by fewer at the end of the file; the header may contain one or two consecutive rows of numbers.
     """
     lines: list[str] = []
     starts: list[int] = []
@@ -793,7 +794,7 @@ def _value(cells: list[str], place: int, decimal: str) -> float | None:
 
 
 def _parse(data: bytes, offset: int, layout: _Layout) -> Floats:
-    """Read all rows at once; raise ValueError if a row has another layout."""
+    """Read all rows at once; raise ValueError if a row has a different layout."""
     body = io.BytesIO(data)
     body.seek(offset)
     frame = pd.read_csv(
@@ -842,7 +843,7 @@ def _digits(lines: list[str], separator: str | None, places: tuple[int, ...]) ->
 
 
 def _unit(text: str) -> tuple[str, float] | None:
-    """Read a unit such as ``Volt``, ``(us)`` or ``mV``; None if it is not a unit."""
+    """Read a unit such as ``Volt``, ``(us)`` or ``mV``; return None if the text is not a unit."""
     text = text.strip(" ()[]").lower()
     if text in _BASE:
         return _BASE[text], 1.0
@@ -897,7 +898,7 @@ def _interval(above: list[list[str]], beside: list[list[str]]) -> float | None:
 
 
 def _quantity(text: str) -> float | None:
-    """Read a positive number with its unit, such as ``4e-09``, ``4.0ns`` or ``CH1:250 MSa/s``."""
+    """Read a positive number, with its unit if any: ``4e-09``, ``4.0ns`` or ``CH1:250 MSa/s``."""
     found = _QUANTITY.fullmatch(text.strip())
     if not found:
         return None

@@ -6,8 +6,9 @@ the admittance Y at its far end and divides the voltage, without a pole at any f
 
     Y_near = Yc (Y C + Yc S) / (Yc C + Y S),      V_far / V_near = 2 e Yc / (Yc C + Y S).
 
-A sweep from the leaves of a tree transforms all admittances, once for equal subtrees; a sweep back
-multiplies all voltage ratios. A ring needs sweeps from the root and both ends of its closing line.
+A sweep from the leaves of a tree to its root transforms all admittances, those of equal subtrees
+only once; a sweep back multiplies the voltage ratios. A ring needs sweeps from its root and
+from both ends of its closing line.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity
 from shipnet.line.cable import Cable
 
-#: Cable and length of each run of a network [m].
+#: Cable and length [m] of each run of a network.
 Pieces = Sequence[tuple[Cable, Quantity]]
 
 #: Index of rows: a slice if they are consecutive or all the same.
@@ -55,7 +56,7 @@ def check_frequencies(s: npt.ArrayLike) -> Complexes:
 
 
 def rows_of(numbers: list[int]) -> Rows:
-    """Return an index of rows, a slice if they are consecutive or all the same."""
+    """Return row numbers as an index: a slice if they are consecutive or all the same."""
     first, last = numbers[0], numbers[-1]
     if len(numbers) == 1 or all(number == first for number in numbers):
         return slice(first, first + 1)
@@ -99,7 +100,7 @@ class Lines:
     def waves(
         self, kinds: list[int], trees: slice, bins: slice
     ) -> tuple[Complexes, Complexes, Complexes, Complexes, Complexes]:
-        """Return 2 e, C, S, Yc [S] and Zc [ohm], each (kinds, trees, bins); an axis may be 1."""
+        """Return 2 e, C, S, Yc [S] and Zc [ohm], each of shape (kinds or 1, trees or 1, bins)."""
         cable = rows_of([self.cable[kind] for kind in kinds])
         length = part_of_trees(self._length, trees)[kinds]
         shrink = np.expm1(part_of_trees(self._loss, trees)[cable, :, bins] * -length)
@@ -126,8 +127,8 @@ def _admittances(shunts: Floats, trees: slice, s: Complexes) -> Complexes:
     return np.asarray(y)
 
 
-#: Number of elements of a sweep's arrays, for one tree and for many. Larger arrays exceed the cache
-#: and are cleared by the operating system at every call; with many trees, a call reuses them.
+#: Number of elements of a sweep's arrays, for one tree and for many. Larger arrays exceed the
+#: cache, and the operating system clears them at every call; a call for many trees reuses them.
 _BLOCK, _BLOCK_TREES = 1 << 15, 1 << 18
 
 #: Number of elements for which hyperbolic functions are computed at a time.
@@ -154,7 +155,7 @@ class _Subtrees(NamedTuple):
     """The distinct subtrees of a tree, one per row, leaves first."""
 
     row: list[int]  # row of the subtree at each place of the order
-    node: list[int]  # a node at which each subtree begins
+    node: list[int]  # for each row, a node at which its subtree begins
     heights: list[_Height]  # all but the tree itself, which is the last row
     table: list[int]  # kinds of lines that occur
 
@@ -204,7 +205,7 @@ def slices(size: int, step: int) -> list[slice]:
 def tree_transfer(
     tree: Rooted, pieces: Pieces, shunts: Floats, s: Complexes, trees: int
 ) -> Complexes:
-    """Return the impedances between the root of a tree and every node, (trees, nodes, bins)."""
+    """Return root-to-node transfer impedances [ohm], shape (trees, nodes, bins)."""
     lines = Lines(pieces, s)
     subtrees = _subtrees(tree, lines.kind, shunts)
     table, shunts, rows = subtrees.table, shunts[:, subtrees.node], len(subtrees.node)
@@ -215,7 +216,7 @@ def tree_transfer(
     y_and_v = np.empty((2, rows, count, size), dtype=complex)
     terms = np.empty((4, len(table), min(count, lines.trees), size), dtype=complex)
     strips = slices(len(table), _STRIP // (terms.shape[2] * size))
-    # Nodes are the first axis in memory, so that the values of each are contiguous.
+    # Nodes are the first axis in memory, so that the values of each node are contiguous.
     z = np.empty((len(tree.order), trees, s.size), dtype=complex)
     for some, bins in product(*blocks):
         count, size = some.stop - some.start, bins.stop - bins.start
@@ -241,7 +242,7 @@ def _fold(
     # The terms are Zc S, C, Yc S and 2 e of the lines.
     joined = set()
     for height, (own, line, joints) in enumerate(heights):
-        # The denominator and the numerator over Yc at once: Y Zc S + C and Y C + Yc S.
+        # Denominator and numerator, both divided by Yc, at once: Y Zc S + C and Y C + Yc S.
         both = (y if height else loads)[own] * terms[:2, line]
         both += terms[1:3, line]
         inverse, folded = both
@@ -264,9 +265,9 @@ def closed_transfer(
 ) -> Complexes:
     """Return transfer impedances after a line has joined two nodes of the tree.
 
-    `from_ends` contains the impedances of both ends. The sum of the end voltages drives equal
-    currents into both ends of the line, their difference drives opposite currents: two unknowns
-    at each frequency.
+    `from_ends` contains the tree's transfer impedances from each end of the line. The sum of the
+    end voltages drives equal currents into both ends, and their difference drives opposite ones:
+    two unknowns at each frequency.
     """
     from_a, from_b = from_ends
     a, b = ends

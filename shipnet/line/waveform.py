@@ -1,7 +1,7 @@
 r"""Voltages over time, recorded by a scope or computed from a Laplace transform.
 
-An inverse FFT is periodic: what still rings at the end of the window wraps around to its start.
-On the line :math:`s = (d + j \omega T) / T` this error shrinks by :math:`e^{-d}`, and the bin at
+The result of an inverse FFT is periodic: ringing beyond the end of the window wraps around to its
+start. On the line :math:`s = (d + j \omega T) / T` this error shrinks by :math:`e^{-d}`; the bin at
 :math:`\omega = 0` remains finite, where an inductor would otherwise cause a pole.
 """
 
@@ -26,9 +26,9 @@ from shipnet.lazy import Axes
 #: Highest relevant frequency of a current step that lasts 3 us [Hz].
 F_MAX = 12e6
 
-#: Window of the inverse transform relative to the record, and its damping. Ringing beyond the
-#: window wraps around, reduced by exp(-10.5); the error of the limited bandwidth increases by only
-#: exp(7), because the record ends at two thirds of the window.
+#: Length of the inverse transform's window relative to the record, and its damping. Ringing beyond
+#: the window wraps around, multiplied by exp(-10.5); the error due to the limited bandwidth is
+#: multiplied by at most exp(7), because the record ends at two thirds of the window.
 _WINDOW, _DAMPING = 1.5, 10.5
 
 
@@ -91,15 +91,15 @@ class Waveform:
         channel: str | None = None,
         sample_interval: float | None = None,
     ) -> Waveform:
-        """Read a channel of a scope's text file, or of a ``.npy``, ``.npz`` or sigrok ``.sr`` file.
+        """Read a channel from a scope's text file or a ``.npy``, ``.npz`` or sigrok ``.sr`` file.
 
-        `channel` is its title, in upper or lower case, or the number of its column, counted from 1;
-        if omitted, the first voltage is read. `sample_interval` [s] overrides that of the file. A
-        ``.npy`` or uncompressed ``.npz`` file with more than 2**26 bytes of samples is not copied
-        into memory: do not change the file while its samples are in use. A channel of an archive
-        may unpack to 2**24 numbers, or to 4 per byte of the file if that is more. Raise InputError
-        if the file cannot be read, has a cell that is not a number, uneven times, fewer than 1e6
-        samples per second, or no such channel.
+        `channel` is its title, ignoring case, or the number of its column, counted from 1; the
+        default is the first voltage. `sample_interval` [s] overrides that of the file. A ``.npy``
+        or uncompressed ``.npz`` file with more than 2**26 bytes of samples is not copied into
+        memory: do not change the file while its samples are in use. All channels and times of an
+        ``.npz`` file, or one channel of an ``.sr`` file, may unpack to at most 2**24 numbers, or 4
+        per byte of the file if that is more. Raise InputError if the file cannot be read, has a
+        cell that is not a number, uneven times, under 1e6 samples per second, or no such channel.
         """
         from shipnet.line.scope_file import read_scope_file
 
@@ -107,7 +107,7 @@ class Waveform:
         return cls(read.u, read.dt, names=(read.channel,), description=read.description)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the waveform as ``.npz``, or as text with one column per node."""
+        """Write an ``.npz`` file or, with any other suffix, text with a column per node."""
         rows = np.atleast_2d(self.u)
         names = self.names or tuple(f"u{k}" for k in range(1, len(rows) + 1))
         if rows.ndim != 2:
@@ -140,11 +140,11 @@ class Waveform:
 
 
 def laplace_grid(duration: float, f_max: float, damping: float = 7.0) -> Complexes:
-    r"""Return the complex frequencies from which `synthesize` computes a waveform.
+    r"""Return the complex frequencies [rad/s] at which `synthesize` needs a transform.
 
     .. math:: s_k = \frac{d + 2 \pi j k}{T}, \qquad k = 0 \ldots \lceil f_{max} T \rceil
     """
-    # A product such as 64e-6 * 3e6 must not get an extra bin by rounding.
+    # The rounding of a product such as 66e-6 * 3e6 must not add a bin.
     last = ceil(f_max * duration - 1e-9)
     return np.asarray((damping + 2j * np.pi * np.arange(last + 1)) / duration)
 
@@ -154,7 +154,7 @@ def synthesize(
 ) -> Floats:
     """Return the waveforms of Laplace transforms sampled on `laplace_grid`."""
     bins = np.asarray(spectrum, dtype=complex)
-    # If the sampling rate is below twice the highest frequency, bins alias: add up coincident ones.
+    # If the sampling rate is below twice the highest frequency, bins alias: add any that coincide.
     turns = ceil(bins.shape[-1] / n_samples)
     folded = np.zeros((*bins.shape[:-1], turns * n_samples), dtype=complex)
     folded[..., : bins.shape[-1]] = bins

@@ -222,7 +222,7 @@ def test_a_frame_cut_short_names_the_bit_and_the_field_that_it_lacks(frame):
     [
         (0, StartBitError, "bit 0, SOF: recessive"),
         (-10, FormError, "CRC delimiter: dominant"),
-        (-9, AcknowledgeError, "ACK slot: recessive; no receiver answered"),
+        (-9, AcknowledgeError, "ACK slot: recessive; no receiver acknowledged"),
         (-8, FormError, "ACK delimiter: dominant"),
         (-7, FormError, "EOF: dominant"),
         (-2, FormError, "EOF: dominant"),

@@ -133,7 +133,7 @@ def test_a_damaged_other_format_names_its_line_or_frame(tmp_path):
     assert len(kept.faults) == 1
     blf = tmp_path / "bus.blf"
     blf.write_bytes(b"LOGGnothing")
-    with pytest.raises(InputError, match=r"bus\.blf: after frame 0: its header length"):
+    with pytest.raises(InputError, match=r"bus\.blf: after frame 0: the header length"):
         read_log(blf)
 
 
@@ -309,7 +309,7 @@ def test_an_impossible_frame_is_refused_in_a_log():
             replace(log, **change)
     for change, why in (
         ({"time": log.time[:3]}, "numbers of rows .* must agree"),
-        ({"data": log.data[:, :7]}, "rows of data have 8 bytes"),
+        ({"data": log.data[:, :7]}, "data must have 8 columns"),
         ({"dlc": log.dlc.astype(float)}, "dlc is .*; it must be a column of a log"),
         ({"channel": None}, "channel is .*; it must be a column of a log"),
         ({"data": log.data[0]}, "data is .*; it must be a column of a log"),

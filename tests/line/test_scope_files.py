@@ -181,7 +181,7 @@ def test_uneven_times_are_located(save):
         (rows("{v:.3f}"), "it has no times"),
         ("Time (s),I (A)\n" + rows("{t:.8f},{v:.3f}"), "no voltage column"),
         ("Time\n" + rows("{t:.8f}"), "no voltage column"),
-        ("Time,CH1\n" + rows("{t:.8f},{v:.3f}", time=100), "it has 0.1 MS/s"),
+        ("Time,CH1\n" + rows("{t:.8f},{v:.3f}", time=100), "it was sampled at 0.1 MS/s"),
         ("Time,CH1\n" + rows("0.5,{v:.3f}"), "its times do not increase"),
         ("Time,CH1\n" + rows("{t:.8f},∞"), "off the scale throughout"),
         ("x\n" * 3000 + rows("{t:.8f},{v:.3f}"), "no row of numbers in the first 2000 rows"),
@@ -280,7 +280,7 @@ def test_a_sigrok_session_has_nan_where_nothing_was_recorded(save):
         (session([V, None, V]), "a part of analog-1-1 is missing"),
         (session([]), "no analog channel"),
         (session([V], rate="fast"), "it has no times"),
-        (session([V], rate="200 kHz"), "it has 0.2 MS/s"),
+        (session([V], rate="200 kHz"), "it was sampled at 0.2 MS/s"),
         (session([np.full(N, np.nan)]), "has no numbers"),
     ],
 )
