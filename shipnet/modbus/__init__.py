@@ -1,7 +1,7 @@
-"""Modbus: requests and responses, their frames in RTU and TCP, and their timing.
+"""Modbus: requests and responses, their RTU and TCP frames, and their timing.
 
-Unit ids, slaves and registers are numbered as on the wire; times are in seconds. The namespace
-`faults` contains the faults of redundant lines, and `udp` Modbus in datagrams.
+Unit ids, slaves and registers are numbered as on the wire; times are in seconds. The module
+`faults` contains the faults of redundant lines; the module `udp` models Modbus in UDP datagrams.
 """
 
 import lazy_loader

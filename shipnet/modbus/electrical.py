@@ -30,8 +30,8 @@ class Interface(NamedTuple):
     #: Largest numbers of drivers and receivers on a line; for RS-485 with one unit load each.
     drivers: int
     receivers: int
-    #: Longest line [m], highest bit rate [bit/s], and highest product of both, infinite if a line
-    #: may reach both limits.
+    #: Longest line [m], highest bit rate [bit/s], and largest product of the two [m bit/s],
+    #: which is infinite if a line may reach both limits at once.
     length: float
     bit_rate: float
     product: float
@@ -69,13 +69,13 @@ def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
 
     Notes
     -----
-    The longest possible balanced line becomes shorter as the bit rate r rises:
+    The maximum length of a balanced line depends on the bit rate r:
 
     .. math:: l \le \min \left( l_{max}, \frac{P}{r} \right)
 
-    Every slave must answer, so a line has as many drivers as stations. RS-232 and RS-422 allow one
-    per direction, enough for two stations. The 31 addresses that lee2012 (section III.2.a) takes
-    from RS-485 are 32 unit loads less one for the master; with 1/8 unit load, 255 are allowed.
+    Every slave must respond, so a line has as many drivers as stations. RS-232 and RS-422 allow one
+    driver per direction, enough for two stations. The 31 addresses that lee2012 (section III.2.a)
+    derives from RS-485 are 32 unit loads less one for the master; 1/8 unit load would permit 255.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Faults of a redundant line: sections of cable, slaves and ports of the master."""
+"""Faults of the cable sections, slaves and master ports of a redundant line."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Break(Fault):
 
 @record
 class Short(Fault):
-    """The conductors of a section touch; without isolators, all that is connected to it is silent.
+    """A section's conductors touch; without isolators, slaves and ports connected to it are silent.
 
     Sections are numbered as for `Break`.
 

@@ -1,4 +1,4 @@
-"""Frames around a PDU, called ADUs in the standard: RTU on a serial line, and TCP."""
+"""Modbus frames, called ADUs in the standard: RTU frames on a serial line, and TCP frames."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Framing = Literal["rtu", "tcp"]
 #: Longest PDU [byte]: "MODBUS application protocol specification" V1.1b3, section 4.1; and highest
 #: address of a slave on a serial line: "MODBUS over serial line" V1.02, section 2.2.
 MAX_PDU, MAX_UNIT = 253, 247
-RTU_BYTES, MBAP_BYTES = 3, 7  #: Bytes that a frame adds to its PDU: unit id and CRC; MBAP header.
+RTU_BYTES, MBAP_BYTES = 3, 7  #: Bytes added to a PDU: unit id and CRC in RTU; MBAP header in TCP.
 
 
 def rtu_frame(unit_id: int, pdu: bytes) -> bytes:
@@ -34,7 +34,7 @@ def tcp_frame(unit_id: int, pdu: bytes, transaction_id: int) -> bytes:
 
 
 def read_frame(data: bytes, framing: Framing) -> tuple[int, bytes, int | None]:
-    """Return unit id, PDU and transaction id of a frame, or raise the error of its first fault."""
+    """Return unit id, PDU and transaction id (None in RTU); raise an error at the first fault."""
     if check_choice("framing", framing, ("rtu", "tcp")) == "tcp":
         frame = _checked_frame(data, "TCP", 1 + MBAP_BYTES, MAX_PDU + MBAP_BYTES)
         transaction, protocol, length, unit = unpack(">HHHB", frame[:MBAP_BYTES])
@@ -54,7 +54,7 @@ def read_frame(data: bytes, framing: Framing) -> tuple[int, bytes, int | None]:
 
 
 def checked_pdu(pdu: bytes) -> bytes:
-    """Return a PDU as bytes, or raise an error unless it has 1..253 bytes."""
+    """Return a bytes-like PDU as bytes; raise an error unless it has 1..253 bytes."""
     if type(pdu) is bytes and 1 <= len(pdu) <= MAX_PDU:
         return pdu
     if not isinstance(pdu, bytes | bytearray | memoryview) or not 1 <= len(pdu) <= MAX_PDU:

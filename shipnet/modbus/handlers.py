@@ -20,25 +20,25 @@ from shipnet.modbus.wire import Wire
 
 Respond = Callable[[Adu], Answer]
 
-_QUOTA = 4  #: Number of requests of a client that are answered before others have their turn.
-_READ = 4096  #: Bytes read from a client at once; no more are read until these are answered.
+_QUOTA = 4  #: Maximum number of requests of a client that are answered in one turn.
+_READ = 4096  #: Maximum number of bytes per read from a client; they are processed before the next.
 
-#: Maximum numbers of delayed responses to one client, and to all senders of datagrams; beyond them,
-#: requests wait and datagrams are dropped.
+#: Maximum numbers of delayed responses: to one client, and to all senders of datagrams together.
+#: Further TCP requests wait; further datagrams and serial requests are dropped.
 _HELD_BACK, _ALL_HELD_BACK = 256, 1 << 15
-_UNSENT = 1 << 16  #: Size of unread responses at which a client is disconnected [byte].
+_UNSENT = 1 << 16  #: Size of unsent responses above which a client is disconnected [byte].
 _APART = 1e-6  #: Time between timers that must fire in order [s].
 
 #: Largest number of TCP connections, and the time after which an idle one is closed [s].
 _CLIENTS, _IDLE = 128, 600.0
-_SILENCE = 0.05  #: Silence after which an incomplete frame on a serial line is dropped [s].
+_SILENCE = 0.05  #: Incomplete serial frames are dropped after this silence, or t3.5 if longer [s].
 
-#: Bytes of a TCP frame before those that its length field counts, and legal values of the field.
+#: Bytes of a TCP frame up to the end of its length field; shortest and longest legal length.
 _HEAD, _SHORTEST, _LONGEST = 6, 2, 1 + MAX_PDU
 
 
 class Listener:
-    """A listener at a `place`, which listens until it is closed; `port` is the bound port."""
+    """Base class of listeners: `place` is the address or device, and `port` is the bound port."""
 
     wire: Wire | None = None
 
@@ -58,18 +58,18 @@ class Listener:
 
 
 class _Handler:
-    """Base class of handlers of requests from a connection, a serial port or datagram senders."""
+    """Base class of the handlers of requests on a TCP connection, UDP socket or serial port."""
 
     transport: Any = None
 
-    #: Maximum number of bytes (serial: writes) in the transport; beyond it, responses are dropped.
+    #: Maximum number of unsent bytes (serial: writes); beyond it, responses are dropped.
     unsent = _UNSENT
 
     def __init__(self, listener: Any) -> None:
         self.listener, self.loop = listener, get_running_loop()
         self.received = b""
         self.held_back: Counter[Any] = Counter()
-        self.free = 0.0  # time at which the last response has left the faulty wire
+        self.free = 0.0  # time at which the last response will have left the faulty wire
 
     def connection_made(self, transport: Any) -> None:
         """Start."""
@@ -123,7 +123,7 @@ class _Handler:
 
 
 class _TcpHandler(_Handler, BufferedProtocol):
-    """A TCP connection that reads a limited number of bytes at a time, and answers in turns."""
+    """Handler of a TCP connection; it limits each read, and takes turns with other connections."""
 
     def __init__(self, listener: TcpListener) -> None:
         super().__init__(listener)
@@ -222,7 +222,7 @@ class _UdpHandler(_Handler, DatagramProtocol):
 
 
 class _RtuHandler(_Handler, Protocol):
-    """A serial port: bytes with a correct CRC form a frame; after a silence, others are dropped."""
+    """Handler of a serial port; bytes that do not form a frame are dropped after a silence."""
 
     unsent = 4
 
@@ -233,7 +233,7 @@ class _RtuHandler(_Handler, Protocol):
     def data_received(self, data: bytes) -> None:
         """Collect bytes until they form a frame, or until the line is silent."""
         self.timer.cancel()
-        # A byte beyond the longest frame shows that these bytes are not a frame.
+        # One byte more than the longest frame is kept, so that longer data are not read as a frame.
         self.received = (self.received + data)[: MAX_PDU + RTU_BYTES + 1]
         try:
             adu = decode(self.received)
@@ -249,7 +249,7 @@ class _RtuHandler(_Handler, Protocol):
 
 
 class TcpListener(Listener):
-    """Accepts a limited number of clients."""
+    """A listener for a limited number of TCP clients."""
 
     def __init__(self, respond: Respond, host: str, port: int) -> None:
         super().__init__(respond, f"{host}, port {port}")
@@ -270,7 +270,7 @@ class TcpListener(Listener):
         super().close()
 
     def has_room(self) -> bool:
-        """Return whether one more client may connect; log the first one refused."""
+        """Return whether one more client may connect; log the first of consecutive refusals."""
         full = len(self.handlers) >= _CLIENTS
         if full and not self.refuses:
             said = "connections are refused: %d clients are connected"
@@ -280,7 +280,7 @@ class TcpListener(Listener):
 
 
 class UdpListener(Listener):
-    """Accepts datagrams from any sender."""
+    """A listener for datagrams from any sender."""
 
     def __init__(self, respond: Respond, host: str, port: int) -> None:
         super().__init__(respond, f"{host}, port {port}")
@@ -295,7 +295,7 @@ class UdpListener(Listener):
 
 
 class RtuListener(Listener):
-    """Listens on a serial port, through pymodbus and pyserial."""
+    """A listener on a serial port, which it opens through pymodbus and pyserial."""
 
     def __init__(self, respond: Respond, path: str, line: SerialLine) -> None:
         super().__init__(respond, path)
@@ -310,7 +310,7 @@ class RtuListener(Listener):
             baudrate=round(self.line.bit_rate), bytesize=int(size), parity=parity,
             stopbits=int(stop), timeout=0,
         )  # fmt: skip
-        # The transport is set up in the next two turns of the loop.
+        # The event loop sets up the transport in its next two iterations.
         while handler.transport is None:
             await sleep(0)
         with suppress(ImportError):  # Windows itself refuses unsupported settings

@@ -1,8 +1,8 @@
 """Modbus requests, responses and the frames that carry them.
 
 A PDU consists of a function code and its fields; numbers have their high byte first. An ADU is a
-frame: it adds the unit id and, on a serial line, a CRC. Sections are those of "MODBUS application
-protocol specification" V1.1b3, 2012.
+frame: a PDU with a unit id and a CRC on a serial line, or with an MBAP header in TCP. Sections are
+those of "MODBUS application protocol specification" V1.1b3, 2012.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def pack_coils(coils: tuple[bool, ...]) -> bytes:
 
 
 def unpack_coils(data: bytes) -> tuple[bool, ...]:
-    """Return the coils in bytes, eight per byte."""
+    """Return the coils that bytes contain, eight per byte, the least significant bit first."""
     return tuple(bool(byte >> place & 1) for byte in data for place in range(8))
 
 
@@ -160,7 +160,7 @@ class Request(_Framed):
     """A request; its class methods have the names of the standard's functions.
 
     Addresses are those on the wire, 0..65535: holding register 40001 of a manual has address 0. A
-    range beyond address 65535 is a legal request; slaves answer it with exception 2.
+    request may extend beyond address 65535; slaves then respond with exception 2.
 
     Parameters
     ----------
@@ -169,12 +169,12 @@ class Request(_Framed):
     address : int
         Address of the first coil or register, 0..65535.
     quantity : int, optional
-        Number of values to read: 1..2000 coils or inputs, 1..125 registers. For writes, their
-        number.
+        Number of values to read: 1..2000 coils or inputs, 1..125 registers. In a write,
+        the given value is replaced by the number of values to write.
     coils : sequence of bool, optional
-        States to write from the lowest address: 1 with code 5, 1..1968 with code 15.
+        States to write, lowest address first: 1 with code 5, 1..1968 with code 15.
     registers : sequence of int, optional
-        Values to write, 0..65535: 1 with code 6, 1..123 with code 16.
+        Values to write, lowest address first, each 0..65535: 1 with code 6, 1..123 with code 16.
 
     Examples
     --------
@@ -232,7 +232,7 @@ class Request(_Framed):
 
     @classmethod
     def write_single_coil(cls, address: int, value: bool) -> Request:
-        """Request to set one coil, function code 5."""
+        """Request to write one coil, function code 5."""
         coils = check_coils((value,), 1, "value")
         return cls(FunctionCode.WRITE_SINGLE_COIL, address, coils=coils)
 
@@ -244,7 +244,7 @@ class Request(_Framed):
 
     @classmethod
     def write_multiple_coils(cls, address: int, coils: Iterable[bool]) -> Request:
-        """Request to set 1..1968 adjacent coils, function code 15."""
+        """Request to write 1..1968 adjacent coils, function code 15."""
         return cls(FunctionCode.WRITE_MULTIPLE_COILS, address, coils=coils)  # type: ignore[arg-type]
 
     @classmethod
@@ -291,7 +291,7 @@ class Request(_Framed):
         return 2 + (-(-self.quantity // 8) if self.function in _COILS else 2 * self.quantity)
 
     def response(self, values: Iterable[int] = ()) -> Response:
-        """Return the normal response, with the coils or registers requested."""
+        """Return the normal response; for a read, `values` are the requested coils or registers."""
         code = int(self.function)
         if code in (5, 6):
             return Response(code, coils=self.coils, registers=self.registers, address=self.address)
@@ -323,9 +323,9 @@ class Response(_Framed):
     function : int
         1..6, 15 or 16; in an exception response 1..127.
     coils : sequence of bool, optional
-        States read by code 1 or 2, 1..2000 from the lowest address; with code 5 the state written.
+        1..2000 states read by code 1 or 2, lowest address first; with code 5, the state written.
     registers : sequence of int, optional
-        Values read by code 3 or 4, 1..125, each 0..65535; with code 6 the value written.
+        1..125 values read by code 3 or 4, each 0..65535; with code 6, the value written.
     address : int, optional
         First address written by code 5, 6, 15 or 16, 0..65535.
     quantity : int, optional
@@ -335,7 +335,7 @@ class Response(_Framed):
 
     Examples
     --------
-    The response of section 6.3 of the standard, and a refusal:
+    The response in section 6.3 of the standard, and a refusal:
 
     >>> request = Request.read_holding_registers(0x6B, 3)
     >>> Response.parse(bytes.fromhex("03 06 02 2b 00 00 00 64"), request).registers
@@ -374,7 +374,7 @@ class Response(_Framed):
     def parse(cls, pdu: bytes, request: Request | None = None) -> Response:
         """Return the response in a PDU, or raise an error that names the wrong field.
 
-        If a request is given, the response must match it, and excess coils are cut off.
+        If a request is given, the response must match it, and padding after its coils is removed.
         """
         if request is not None and not isinstance(request, Request):
             raise ArgumentError(f"request is {request!r}; it must be a Request")
@@ -464,7 +464,7 @@ def _opened(pdu: bytes, kind: str) -> bytes:
 
 
 def _read(data: bytes, layouts: dict[int, tuple[str, ...]]) -> tuple[tuple[int, ...], bytes]:
-    """Return the 16-bit fields after the function code, and the bytes after any byte count."""
+    """Return the 16-bit fields after the function code, and the bytes that follow a byte count."""
     if data[0] > 0x80 and layouts is _RESPONSES:
         if len(data) != 2:
             raise LengthError(f"the exception has {len(data)} bytes; it must have 2")
@@ -514,7 +514,7 @@ class Adu:
     Parameters
     ----------
     unit_id : int
-        Address of the slave, 0..255; on a serial line 0..247, where 0 is the broadcast.
+        Address of the slave, 0..255; on a serial line 0..247, where 0 means a broadcast.
     pdu : bytes or Request or Response
         1..253 bytes, function code first; a request or response is converted.
     transaction_id : int, optional
@@ -550,7 +550,7 @@ class Adu:
 
     @property
     def tcp(self) -> bytes:
-        """TCP frame of 8..260 bytes: transaction id (0 if None), 0, length, unit id, PDU."""
+        """TCP frame, 8..260 bytes: transaction id (0 if None), protocol 0, length, unit id, PDU."""
         return tcp_frame(self.unit_id, self.pdu, self.transaction_id or 0)
 
     def request(self) -> Request:
@@ -564,7 +564,7 @@ class Adu:
     def table(self) -> pd.DataFrame:
         """Return the bytes of each field: as TCP if there is a transaction id, otherwise as RTU.
 
-        A PDU that may be a request or a response is read as a request.
+        A PDU that is valid both as a request and as a response is read as a request.
         """
         if self.transaction_id is None:
             fields, rest = {"unit id": self.rtu[:1]}, {"CRC": self.rtu[-2:]}
@@ -614,7 +614,7 @@ def decode(data: bytes, framing: Framing = "rtu") -> Adu:
     CrcError
         If the CRC is wrong.
     FieldError
-        If the unit id is reserved, or the protocol id of TCP is not 0.
+        If the unit id in RTU is reserved (248..255), or the protocol id in TCP is not 0.
 
     Examples
     --------

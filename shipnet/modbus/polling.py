@@ -51,9 +51,9 @@ class Poll:
         "for the whole response; it must not be shorter than a response takes", default=1.0,
     )  # fmt: skip
     retries: int = whole(
-        0, 100, help="How often the master repeats a request that is not answered", default=0
+        0, 100, help="How many times the master repeats a request that is not answered", default=0
     )
-    #: Length of both frames, unit id and CRC included [byte].
+    #: Lengths of the request and response frames, including unit id and CRC [byte].
     request_size: int = field(init=False, repr=False, compare=False)
     response_size: int = field(init=False, repr=False, compare=False)
 
@@ -88,7 +88,7 @@ class Poll:
         return (1 + self.retries) * self.unanswered_time
 
     def scan_time(self, n_slaves: int, *, dead: int = 0) -> float:
-        """Return the time to poll 1..247 slaves once, `dead` of which do not answer [s]."""
+        """Return the time [s] to poll 1..247 slaves once if `dead` of them do not answer."""
         slaves = check_whole("n_slaves", n_slaves, 1, MAX_UNIT)
         silent = check_whole("dead", dead, 0, slaves)
         return (slaves - silent) * self.time + silent * self.timeout_time
@@ -106,13 +106,13 @@ class Poll:
         return (n_slaves - dead) * self.on_wire + tries * self.line.frame_time(self.request_size)
 
     def max_slaves(self, period: float, *, dead: int = 0) -> int:
-        """Return the number of slaves, dead ones included, that fit into a period [s], 0..247."""
+        """Return how many slaves (0..247), including dead ones, can be polled in a period [s]."""
         longest = check_scalar("period", period, "s", 0, 1e6)
         return _most([self], longest, check_whole("dead", dead, 0, MAX_UNIT))
 
 
 def _most(polls: Sequence[Poll], period: float, dead: int) -> int:
-    """Return how many slaves, including dead ones, can get all these requests within a period."""
+    """Return how many slaves, including dead ones, can be sent all these requests in a period."""
     alive, silent = sum(poll.time for poll in polls), sum(poll.timeout_time for poll in polls)
     # The margin allows for rounding if a period is a whole number of transactions.
     fit = floor((period - dead * silent) / alive * (1 + 1e-12) + 1e-12)
@@ -121,10 +121,10 @@ def _most(polls: Sequence[Poll], period: float, dead: int) -> int:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scan:
-    """One round of a master through all its slaves, as returned by `scan`.
+    """One scan, in which a master polls all its slaves once, as returned by `scan`.
 
-    Each of `n_slaves`, of which `dead` do not answer, gets the requests of `polls`; `limit` is the
-    longest time allowed [s], or None.
+    The master sends the requests of `polls` to each of `n_slaves` slaves, of which `dead` do not
+    answer. `limit` is the longest time allowed [s], or None.
 
     Examples
     --------
@@ -163,12 +163,12 @@ class Scan:
 
     @property
     def bus_time(self) -> float:
-        """Fraction of the time in which bytes are on the line, 0..1."""
+        """Fraction of the scan time during which bytes are on the line, 0..1."""
         return sum(poll._busy_time(self.n_slaves, self.dead) for poll in self.polls) / self.time
 
     @property
     def max_slaves(self) -> int | None:
-        """Number of slaves that fit into the limit, including dead ones; None without a limit."""
+        """Largest number of slaves, including dead ones, that meets the limit; None without one."""
         return None if self.limit is None else _most(self.polls, self.limit, self.dead)
 
     @property
@@ -187,10 +187,10 @@ class Scan:
         return f"{said}, limit of {self.limit:g} s {'met' if self.ok else 'exceeded'}"
 
     def table(self) -> pd.DataFrame:
-        """Return one row per common bit rate and one for the scan's own, indexed by ``bit_rate``.
+        """Return one row per bit rate (common ones and the scan's own), indexed by ``bit_rate``.
 
-        The columns include `time`, `slave_time`, `dead_time`, `bus_time` and, with a limit,
-        ``max_slaves`` and ``met``. Bit rates at which a response exceeds the time-out are left out.
+        Columns: ``scan_s``, ``slave_ms``, ``dead_slave_ms``, ``bus_time_percent``, and with a limit
+        ``max_slaves`` and ``met``. Bit rates at which a response exceeds the time-out are omitted.
         """
         rows = {}
         for rate in sorted({*BIT_RATES, self.bit_rate}):
@@ -236,7 +236,7 @@ def scan(
     retries: int = 0,
     limit: float | None = None,
 ) -> Scan:
-    """Return the time in which a master reads holding registers of all its slaves once.
+    """Compute how long a master takes to read holding registers from all its slaves once.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ def scan(
     Returns
     -------
     Scan
-        The `time` of the scan and its parts, whether it meets the limit, and other bit rates.
+        The scan: its `time` and parts, whether the limit is met, and times at other bit rates.
 
     Examples
     --------

@@ -67,14 +67,14 @@ class Reach:
 
     @property
     def served(self) -> list[str]:
-        """Port of each slave: A if both reach it, ``"-"`` if lost."""
+        """Port that serves each slave: A if both ports reach it, ``"-"`` if neither does."""
         a, b = set(self.through_a), set(self.through_b)
         slaves = range(1, self.n_slaves + 1)
         return ["A" if s in a else "B" if s in b else "-" for s in slaves]
 
     @property
     def counts(self) -> tuple[int, int]:
-        """Number of slaves served through A and through B."""
+        """Numbers of slaves served through port A and through port B."""
         begin_b = max(self.first_b, self.last_a + 1)
         dead_a = sum(s <= self.last_a for s in self.dead)
         dead_b = sum(s >= begin_b for s in self.dead)
@@ -92,18 +92,18 @@ class Loop:
     switch-over: `move` and `recheck` are assumptions. We also assume that a dead slave or port does
     not disturb the line, that all slaves are polled through A while the line is intact, that there
     is one transaction at a time, that a section both broken and shorted is shorted on both sides of
-    the break, and that termination remains adequate. The paper states 256 slaves, and 250 for the
-    master; the standard allows 247.
+    the break, and that termination remains adequate. The paper gives 256 as the maximum number of
+    slaves, but 250 in its specification of the master; the standard allows 247.
 
     With s slaves that stay on their port, m that are moved and l that are lost, a time T for an
-    answered poll and G for one that times out, the longest gap is
+    answered poll and G for one that times out, including its retries, the longest gap is
 
     .. math:: t = s T + m (G + T) + 2 l G, \qquad t = (s + m) T + G + 2 l G
 
-    if each slave is moved by itself (left), or those downstream are moved with it (right). In the
-    second case the gap is one G longer for all moved slaves but the last, and one G shorter if no
-    slave is moved. On an open line a lost slave costs G instead of 2 G. The worst moment for a
-    fault is the end of the slave's response; each of these gaps can occur.
+    if slaves are moved one by one (left), or all downstream of the first are moved with it (right).
+    In the second case the gap is one G longer for all moved slaves but the last, and one G shorter
+    if no slave is moved. On an open line a lost slave costs G instead of 2 G. The worst moment for
+    a fault is the end of the slave's response; gaps of these lengths can then occur.
 
     Examples
     --------
@@ -118,8 +118,8 @@ class Loop:
     >>> loop.single_failures().groupby("kind", sort=False)["lost"].max().to_dict()
     {'break': 0, 'short': 5, 'slave': 1, 'port': 0}
 
-    A loop of ten valves breaks in the middle. Every slave beyond the break times out by itself, or
-    the first one moves the others with it:
+    A loop of ten valves breaks in the middle. Either each slave beyond the break times out by
+    itself, or all of them are moved after the first time-out:
 
     >>> Loop(10, poll).worst_gap(Break(5)).max().round(2).item()
     2.87
@@ -138,16 +138,17 @@ class Loop:
         "every slave and port connected to it", default=False, kw_only=True,
     )  # fmt: skip
     move: Literal["slave", "downstream"] = choice(
-        ("slave", "downstream"), "Which slaves move to the other port after a poll without a "
-        "response, including its retries: only the silent one, or also all downstream of it on the "
-        "same port. A slave that is silent there too is lost and no longer polled",
+        ("slave", "downstream"), "Which slaves move to the other port if a poll and its retries "
+        "get no response: only the silent slave, or also all downstream of it on the same port. A "
+        "slave that is silent on the other port too is lost and no longer polled",
         default="slave", kw_only=True,
     )  # fmt: skip
     recheck: float = number(
-        1e-3, 1e6, "s", "Time from the last failed attempt, at least one scan, until the master "
-        "tries the next slave that is lost or served through B. It sends one request through A, "
-        "without retries; if the slave is lost, it then sends one through B. A slave that answers "
-        "through A stays there; the next is tried in the same scan", default=60.0, kw_only=True,
+        1e-3, 1e6, "s", "Time from the last failed attempt until the master tries the next slave "
+        "that is lost or served through B; at least the time of a scan. The master sends one "
+        "request through A, without retries, and if a lost slave does not answer, one through B. "
+        "A slave that answers through A stays there; the next is tried in the same scan",
+        default=60.0, kw_only=True,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -166,7 +167,7 @@ class Loop:
         return self.n_slaves + self.closed
 
     def single_faults(self) -> list[Fault]:
-        """Return a break and a short of each section, then each dead slave, then each dead port."""
+        """Return all possible faults: first breaks, then shorts, dead slaves and dead ports."""
         sections = range(self.n_sections)
         ports: list[Fault] = [DeadPort("A"), DeadPort("B")]
         return [
@@ -177,7 +178,7 @@ class Loop:
         ]
 
     def reach(self, faults: Faults = ()) -> Reach:
-        """Return the slaves reached while all these faults exist; their times are ignored."""
+        """Return the slaves that each port reaches while all faults exist, whatever their times."""
         n = self.n_slaves
         first_cut, last_cut, first_short, last_short = n + 1, -1, n + 2, -2
         dead: set[int] = set()
@@ -202,11 +203,11 @@ class Loop:
         return Reach(n, last_a, first_b, frozenset(dead))
 
     def worst_gap(self, faults: Faults) -> Floats:
-        """Return each slave's longest time between two responses that the faults can cause [s].
+        """Return, per slave, the longest time between two responses that the faults can cause [s].
 
-        All faults are assumed to begin together and to last; their times are ignored. The gap of a
-        lost slave is infinite. The gap of a moved slave is also its longest switch-over time, from
-        the fault to the first response.
+        All faults are assumed to begin at the same time and to be permanent; their own times are
+        ignored. The gap of a lost slave is infinite. The gap of a moved slave is also its longest
+        switch-over time, from the fault to the next response.
         """
         served = np.array(self.reach(faults).served)
         stay, moved, lost = (int((served == port).sum()) for port in "AB-")
@@ -226,7 +227,7 @@ class Loop:
         stay, moved = np.array([self.reach(fault).counts for fault in faults]).T
         lost = self.n_slaves - stay - moved
         staying, moving, last = self._gaps(stay, moved, lost)
-        # Moved slaves wait longer than those that stay.
+        # Moved slaves wait at least as long as those that stay.
         worst = np.select([moved > 1, moved == 1, stay > 0], [moving, last, staying], np.nan)
         names = [str(fault) for fault in faults]
         columns = {"served_a": stay, "served_b": moved, "lost": lost, "worst_gap_s": worst}
@@ -238,7 +239,7 @@ class Loop:
     def _gaps(
         self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
     ) -> tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]:
-        """Return the longest gap [s] of a staying slave, a moving one, and the last one to move."""
+        """Return the longest gap [s] of staying slaves, moved slaves, and the last moved slave."""
         s, m, lo = (np.asarray(count, dtype=np.float64) for count in (stay, moved, lost))
         silent = self.poll.timeout_time
         gap = (s + m) * self.poll.time + (1 + self.closed) * lo * silent

@@ -34,12 +34,12 @@ _NETWORK_CAUSES = {
 }
 _SERIAL_CAUSES = {
     **dict.fromkeys((errno.ENOENT, errno.ENXIO, errno.ENODEV), "no such device"),
-    errno.EACCES: "not permitted; on Linux the group dialout may use serial ports",
+    errno.EACCES: "not permitted; on Linux, join the group dialout to use serial ports",
     errno.EPERM: "not permitted",
     **dict.fromkeys((errno.EISDIR, errno.ENOTTY), "not a tty"),
     **dict.fromkeys((errno.EAGAIN, errno.EBUSY), "port in use by another program"),
-    errno.EINVAL: "the device does not support {character}; a pseudo-terminal has no parity, as "
-    "in 8N1",
+    errno.EINVAL: "the device does not support {character}; a pseudo-terminal needs a setting "
+    "without parity, such as 8N1",
 }
 
 
@@ -113,7 +113,7 @@ class Server:
         listener = self._make(respond)
         try:
             await listener.listen()
-        # A serial port that rejects its settings does not raise an OSError.
+        # A serial port that rejects its settings may raise an error other than OSError.
         except BaseException as problem:
             listener.close()
             self._stop = lambda: None
@@ -126,7 +126,7 @@ class Server:
         await stopped.wait()
         listener.close()
         self._listener, self.port = None, 0
-        # The loop closes transports in its next turns.
+        # The event loop closes transports in its next iterations.
         for _ in range(3):
             await asyncio.sleep(0)
 
@@ -165,8 +165,8 @@ def serve(
         Devices by unit id, 1..247; over TCP and UDP also 0, the server itself. A bare device
         becomes a `Slave`.
     transport : {"tcp", "udp", "rtu"}, default "tcp"
-        ``tcp`` is Modbus/TCP; ``udp`` sends the same frames in datagrams, which no standard defines
-        but kim2014 uses; ``rtu`` is RTU on a serial line.
+        ``tcp`` is Modbus/TCP; ``udp`` sends the same frames in datagrams, as in kim2014, though no
+        standard defines this; ``rtu`` is RTU on a serial line.
     host : str, default "127.0.0.1"
         Address to listen on; by default only this machine can connect.
     port : int, default 0
@@ -174,8 +174,8 @@ def serve(
     serial_port : str, optional
         Serial port for RTU, such as ``"/dev/ttyUSB0"``.
     line : SerialLine, default 9600 bit/s and 8E1
-        Settings of the serial port; responses are sent after t3.5. A Linux pseudo-terminal has no
-        parity: use ``SerialLine(9600, "8N1")``.
+        Settings of the serial port; a response is sent after a silence of t3.5. A Linux
+        pseudo-terminal has no parity: use ``SerialLine(9600, "8N1")``.
     speed : float, default 1
         Simulated seconds per real second, from the start of the server, 0..1e6.
     clock : callable, optional
@@ -203,14 +203,14 @@ def serve(
     -----
     Frames of other protocols, invalid datagrams and RTU frames with a wrong CRC get no response; an
     illegal length field closes the TCP connection, because the next frame cannot be found. On a
-    serial line an incomplete frame is dropped after a silence of 50 ms, long enough for adapters
-    and drivers that pass on bytes in portions.
+    serial line an incomplete frame is dropped after a silence of 50 ms, or t3.5 if that is longer,
+    because adapters and drivers may pass on the bytes of a frame in portions.
 
     Up to 128 TCP connections can be open; any further one is closed at once. A connection without
     requests is closed after 10 minutes. TCP clients take turns of at most four requests. A client
-    that leaves 64 KiB of responses unread is disconnected; with 256 delayed responses, its requests
-    wait. Datagrams share one queue; they are dropped when it is full, and also if 256 responses to
-    their sender or 32768 responses in all are delayed.
+    that leaves more than 64 KiB of responses unread is disconnected; while 256 responses to it are
+    delayed, its further requests wait. Datagrams share one queue; they are dropped when it is full,
+    and also while 256 responses to their sender or 32768 responses in all are delayed.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A simulated master with two ports: its polls, faults and switch-overs."""
+"""A simulated master with two ports on a line with faults: its polls and switch-overs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from shipnet.modbus.redundancy import Faults, Loop, line_faults
 
 A, B, LOST = range(3)  #: Ports, or none.
 
-#: Kinds of a try: in its turn, at once on the other port, or to recheck a lost or moved slave.
+#: Kinds of try: in turn, at once on the other port, or to recheck a lost or moved slave.
 KINDS = ("poll", "switch", "probe")
 _POLL, _SWITCH, _PROBE = range(3)
 
@@ -31,7 +31,7 @@ Try = tuple[float, int, int, int, bool]  #: Start [s], slave counted from 0, por
 
 
 class Paths:
-    """The connections between slaves and ports, for each interval without a change."""
+    """Which slaves each port reaches, for each interval in which no fault begins or ends."""
 
     def __init__(self, system: Loop, faults: Sequence[Fault]) -> None:
         system.reach(faults)
@@ -47,7 +47,7 @@ class Paths:
         self.piece = 0
 
     def hold(self, start: float, end: float, slave: int, port: int) -> bool:
-        """Return whether a path is intact from `start` to `end`; `start` must never decrease."""
+        """Return whether a path is intact from `start` to `end`; `start` must not decrease."""
         while self.ends[self.piece] <= start:
             self.piece += 1
         piece = self.piece
@@ -59,7 +59,7 @@ class Paths:
 
 
 class Master:
-    """A master that applies the switch-over rule, and its clock."""
+    """A master that applies the switch-over rule in simulated time."""
 
     def __init__(self, system: Loop, faults: Sequence[Fault]) -> None:
         n = system.n_slaves
@@ -73,13 +73,13 @@ class Master:
         self.tries: list[Try] = []
 
     def run(self, end: float) -> list[Try]:
-        """Scan until the end, and return the tries."""
+        """Scan until `end` [s], the end of the simulation, and return the tries."""
         while self.time < end:
             self.scan(end)
         return self.tries
 
     def scan(self, end: float) -> None:
-        """Poll each slave in turn, until the end of the simulation at the latest."""
+        """Give each slave its turn; no turn begins at or after the end of the simulation."""
         begin = self.time
         for slave in range(self.n):
             if self.time >= end:
@@ -121,7 +121,7 @@ class Master:
         return slave == next(one for one in following if self.port[one] != A)
 
     def ask(self, slave: int, port: int, kind: int) -> bool:
-        """Poll a slave with all retries; return whether it answered."""
+        """Poll a slave, with retries if necessary; return whether it responded."""
         left = self.attempts
         while left and not self.attempt(slave, port, kind):
             left -= 1
@@ -141,7 +141,7 @@ class Master:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """A simulated master, as returned by `simulate` for `system`, `faults` and `until` [s].
+    """A simulated run of a master, returned by `simulate` for `system`, `faults` and `until` [s].
 
     Examples
     --------
@@ -206,12 +206,12 @@ class Run:
 
     @cached_property
     def gaps(self) -> Floats:
-        """Longest time of each slave between two responses, or from the last one to the end [s]."""
+        """Each slave's longest time between two responses, or from the last one to the end [s]."""
         time, slave = self._answers
         last = np.flatnonzero(np.diff(slave, append=-1))
         longest = np.full(self.system.n_slaves, self.until)
         longest[slave[last]] = self.until - time[last]
-        # The end of the simulation may lie within the last response.
+        # The last response may end after the end of the simulation.
         np.maximum(longest, 0.0, out=longest)
         within = np.flatnonzero(slave[1:] == slave[:-1])
         np.maximum.at(longest, slave[within], time[within + 1] - time[within])
@@ -220,7 +220,7 @@ class Run:
     def table(self) -> pd.DataFrame:
         """Return one row per slave: port, number of responses, longest time without a response.
 
-        ``port`` is the one that serves the slave at the end, ``"-"`` if it is lost.
+        ``port`` is the port that serves the slave at the end, or ``"-"`` if the slave is lost.
         """
         n = self.system.n_slaves
         return pd.DataFrame(
@@ -246,7 +246,7 @@ class Run:
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the frames at both ports; return the axes.
 
-        A request without a response is red until its time-out.
+        After a request without a response, the wait until the time-out is red.
         """
         ax = style.axes(ax)
         polls, poll = self.events(), self.system.poll
@@ -291,7 +291,7 @@ def simulate(system: Loop, *, faults: Faults = (), until: float) -> Run:
     faults : Fault or iterable of Fault, optional
         Faults from `faults`: `Break`, `Short`, `DeadSlave` and `DeadPort`.
     until : float
-        Time after which no try begins, 0..1e5 [s].
+        End of the simulation, 0..1e5 [s]; a slave's turn that has begun is completed.
 
     Returns
     -------

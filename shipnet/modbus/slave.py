@@ -22,7 +22,7 @@ from shipnet.modbus.pdu import (
 #: Kinds of data, each with its own addresses; "MODBUS application protocol" V1.1b3, section 4.3.
 Table = Literal["coils", "discrete_inputs", "holding_registers", "input_registers"]
 
-_Values = Mapping[int, Any] | Iterable[Any]  #: Values by address, or from address 0.
+_Values = Mapping[int, Any] | Iterable[Any]  #: Values by address, or in order from address 0.
 
 _READ: dict[int, Table] = dict(enumerate(get_args(Table), start=1))
 
@@ -37,7 +37,7 @@ class DeviceError(Exception):
     Parameters
     ----------
     exception : ExceptionCode
-        The reason, 1..6, 8, 10 or 11, which the exception response carries.
+        The code in the exception response, 1..6, 8, 10 or 11.
 
     Examples
     --------
@@ -74,7 +74,7 @@ class Device(Protocol):
         ...
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        """Write either all values to coils or holding registers, or none of them."""
+        """Write all values to coils or holding registers, or none if the device refuses any."""
         ...
 
 
@@ -149,8 +149,8 @@ _NOTHING = Answer(b"", 0.0)
 class Slave:
     """A simulated slave with registers, or with your own device.
 
-    All attributes may be changed while a server uses the slave; `device` contains the tables as
-    dictionaries.
+    All attributes may be changed while a server uses the slave. If you give no device of your own,
+    the attribute `device` contains the tables as dictionaries.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ class Slave:
     delay : float, default 0
         Time before the response is sent, 0..3600 [s]. The request is executed at once.
     exception : ExceptionCode, optional
-        Exception that is returned for every served request, which is then not executed.
+        Exception that refuses every request whose function code is served.
     silent : bool, default False
         Whether the slave ignores all requests.
 
@@ -237,10 +237,10 @@ class Slave:
     def answer(self, request: Request | bytes, time: float = 0.0) -> bytes:
         """Execute a request at a simulated time [s] and return the response PDU.
 
-        The PDU is empty if the slave is silent or the function code is 0 or above 127. Exceptions
-        follow the order of "MODBUS application protocol" V1.1b3, section 6: 1 for the function
-        code, 3 for an illegal field or length, then the device's own. If the device fails
-        otherwise, exception 4 is returned, and the failure is logged to ``shipnet.modbus.server``.
+        The PDU is empty if the slave is silent or the function code is 0 or above 127. Requests are
+        checked in the order of "MODBUS application protocol" V1.1b3, section 6: exception 1 for the
+        function code, 3 for an illegal field or length, then the device's own. Any other error in
+        the device is logged to ``shipnet.modbus.server``, and exception 4 is returned.
         """
         pdu = request.pdu if isinstance(request, Request) else request
         if not isinstance(pdu, bytes | bytearray | memoryview):
@@ -281,7 +281,7 @@ def answer(
     """Return the response of one of several slaves to a request at a simulated time [s].
 
     Unit id 0 is a broadcast: all slaves execute a write, and none answers ("MODBUS over serial
-    line" V1.02, section 2.1). If TCP slaves include 0, both 0 and 255 mean the server itself
+    line" V1.02, section 2.1). But if `slaves` includes 0, both 0 and 255 mean the server itself
     ("MODBUS messaging on TCP/IP" V1.0b, section 4.4.2). For a missing slave, a serial line stays
     silent; over TCP, exception 11 reports that the target did not respond ("MODBUS application
     protocol" V1.1b3, section 7).

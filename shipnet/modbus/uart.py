@@ -43,8 +43,8 @@ class SerialLine:
         "default, and 8N2 without parity; 8N1 is common nevertheless", default="8E1",
     )  # fmt: skip
 
-    #: Highest bit rate at which the silences are counted in characters [bit/s], and their lengths
-    #: above it [s]; section 2.5.1.1.
+    #: Highest bit rate at which silences are measured in characters [bit/s], and the fixed
+    #: silences at higher bit rates [s]; section 2.5.1.1.
     SILENCE_LIMIT: ClassVar[int] = 19200
     FIXED_T15: ClassVar[float] = 750e-6
     FIXED_T35: ClassVar[float] = 1.75e-3
@@ -83,8 +83,8 @@ class SerialLine:
     ) -> Waveform:
         """Return the level while frames are sent, as corners of a step function.
 
-        `gap` is the silence after each frame (one value, or one per frame), `start` that before the
-        first [s]. The default of `gap` is t3.5; that of `start` is a single `gap`, else t3.5.
+        `gap` is the silence after each frame (one value, or one per frame), and `start` that before
+        the first [s]. Both default to t3.5, but a single `gap` is also the default of `start`.
         """
         parts = [frames] if isinstance(frames, bytes | bytearray | memoryview) else list(frames)
         single = self.t35 if gap is None else gap
@@ -104,7 +104,7 @@ class SerialLine:
             levels.append(np.append(bits, 1))
             begin = times[-1][-1] + pause
         time, level = np.concatenate(times), np.concatenate(levels).astype(np.float64)
-        # Keep the last of several corners at one time, and only corners where the level changes.
+        # Of several corners at the same time, keep the last; then keep only changes of the level.
         keep = np.append(np.diff(time) > 0, True)
         time, level = time[keep], level[keep]
         corner = np.append(True, np.diff(level) != 0)
@@ -112,7 +112,7 @@ class SerialLine:
         return Waveform(time, level, self)
 
     def clock_tolerance(self) -> tuple[float, float]:
-        r"""Return the lowest and highest relative bit-rate error of a sender that is still read.
+        r"""Return the lowest and highest relative bit-rate error at which a sender is still read.
 
         .. math:: -\frac{1/2}{n - 1/2} < \delta < \frac{1/2}{n - 1/2}
 
@@ -211,9 +211,9 @@ class Waveform:
     def decode(self, receiver: SerialLine | None = None) -> Characters:
         """Return the characters that a receiver reads; errors become codes, not exceptions.
 
-        The bit rate of `receiver` may differ from the sender's, which is the default. A falling
-        edge is a start bit if the level is still 0 half a bit later; bits are sampled in the
-        middle. A first stop bit of 0 is a framing error (`FormError`), which hides a parity error.
+        `receiver` defaults to the sender's settings; its bit rate may differ. A falling edge begins
+        a start bit if the level is still 0 half a bit later; bits are sampled in their middle. A
+        first stop bit of 0 is a framing error (`FormError`), which hides a parity error.
         """
         line = self.line if receiver is None else receiver
         # Of several corners at the same time, keep the last one.

@@ -42,7 +42,7 @@ class LossyPath:
     lateness: float = number(0, 3600, "s", "Additional time of a late datagram", default=1.0)
 
     def transit(self, n: int, rng: np.random.Generator) -> Floats:
-        """Return the transit times of both copies of n datagrams [s], (n, 2); inf if lost."""
+        """Return transit times of both copies of n datagrams [s], (n, 2); inf if lost or unsent."""
         n = check_whole("n", n, 0, 4 * _MOST)
         fate = rng.random((n, 2, 3))
         gone = fate[..., 0] < self.lost
@@ -59,9 +59,10 @@ def transaction_ids(n: int) -> list[int]:
 def replies(
     marks: Sequence[int], path: LossyPath, timeout: float, rng: np.random.Generator
 ) -> tuple[Integers, int]:
-    """Return, per request, the one whose response it accepts, and the number of dropped responses.
+    """Match responses to requests; return the matches and the number of dropped responses.
 
-    A request accepts a response to any request with the same mark; -1 stands for a time-out.
+    Each request accepts a response to any request with the same mark; its match is the index of
+    that request, or -1 after a time-out.
     """
     n = len(marks)
     there = path.transit(n, rng)
@@ -98,7 +99,7 @@ def compare(
     Parameters
     ----------
     units : array_like of int, shape (n,)
-        Units in the order of the requests, 0..255; at most a million.
+        Unit id of each request, 0..255, in the order of the requests; at most a million.
     path : LossyPath
         The network, in both directions.
     timeout : float, default 0.5
@@ -110,19 +111,19 @@ def compare(
     -------
     pandas.DataFrame
         One row per field that is checked: ``nothing``, ``unit id``, ``transaction id``. Columns:
-        ``mismatched`` (accepted a response to another request), ``wrong_unit`` (from another unit),
-        ``timeouts`` and ``dropped`` (responses not accepted).
+        ``mismatched`` (requests that accepted a response to another request), ``wrong_unit`` (those
+        that accepted one from another unit), ``timeouts`` and ``dropped`` (responses rejected).
 
     Notes
     -----
     The header in tables 2 and 3 of kim2014 begins with 0.0.0.0: transaction id 0. A response that
     arrives after its time-out then looks like the response to the next request; a transaction id as
     in "MODBUS messaging on TCP/IP" V1.0b, section 4.4.1, would prevent this. Let a round trip take
-    r and a late one r + L, where the time-out T meets L < T < r + L, and let each request follow
-    the previous one at once. The next request accepts the late response; its own response arrives
-    later and is accepted by the following request, and so on. So, until another fault occurs, one
-    late response to request j of n, counted from 0, causes a mismatch in every later request; their
-    number is
+    r and a late one r + L, let the time-out T satisfy L < T < r + L, and let each request be sent
+    as soon as the previous transaction ends. The next request accepts the late response; its own
+    response arrives later and is accepted by the following request, and so on. So, until another
+    fault occurs, one late response to request j of n, counted from 0, causes a mismatch in every
+    later request; their number is
 
     .. math:: n - 1 - j
 

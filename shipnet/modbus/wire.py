@@ -40,14 +40,14 @@ class WireFault:
     -----
     ``late`` delays a response by `seconds`, and ``delay`` by a random time up to `seconds`. ``gap``
     splits the response by a silence of `seconds`. ``double`` sends it twice without a pause.
-    ``previous`` sends the previous response, to any client, instead. ``short`` sends only the first
-    half. ``garbage-before`` and ``garbage-after`` add four random bytes.
+    ``previous`` sends the previous response instead, whichever client that was for. ``short`` sends
+    only the first half. ``garbage-before`` and ``garbage-after`` add four random bytes.
 
-    The other faults change a field. ``wrong-count`` makes the byte count of a read 2 too low.
-    ``wrong-unit``, ``wrong-function`` and ``wrong-transaction`` send the next unit id, another
-    function code or the next transaction id. ``wrong-crc`` sends data that do not match the CRC.
-    All of these except ``wrong-count`` flip the last bit of the data, so that a client that accepts
-    the response shows a wrong value.
+    The other faults change a field. ``wrong-count`` lowers the byte count of a read response by 2.
+    ``wrong-unit`` sends the next unit id, ``wrong-function`` another function code and
+    ``wrong-transaction`` the next transaction id; with ``wrong-crc`` the CRC is wrong. All of these
+    except ``wrong-count`` flip the last bit of the data, so that a client that accepts the response
+    shows a wrong value.
 
     Examples
     --------
@@ -79,7 +79,7 @@ class WireFault:
 
     @classmethod
     def parse(cls, fault: str) -> WireFault:
-        """Return the fault in text such as ``late:0.1:3``: name, probability and seconds."""
+        """Return the fault described by text such as ``late:0.1:3``: name, probability, seconds."""
         name, *numbers = fault.split(":")
         try:
             if len(numbers) > 2:
@@ -119,7 +119,7 @@ class WireFault:
                 frame += random.bytes(_GARBAGE)
             case "wrong-unit":
                 frame = _frame(replace(other, unit_id=unit % MAX_UNIT + 1))
-            case "wrong-function":  # responses 1 and 2, 3 and 4, ... differ only in the code
+            case "wrong-function":  # responses to codes 1 and 2, 3 and 4, ... differ only in code
                 code = ((pdu[0] - 1 ^ 1) + 1) % 256
                 frame = _frame(replace(other, pdu=bytes([code]) + other.pdu[1:]))
             case "wrong-count" if pdu[0] in (1, 2, 3, 4):

@@ -1,4 +1,4 @@
-"""Comparison of markers and CRC by number of items, which chung1998 leaves to future work."""
+"""Markers and CRC compared by number of items: a comparison left to future work by chung1998."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat, Shares
 from shipnet.remote_control.system import Supervision, System
 
-#: The ways of sending a value: only when it has changed, as printed, or in every packet.
+#: The ways of sending a value: only when it has changed (as printed), or in every packet.
 Sending = Literal["changed", "cyclic"]
 
-#: The checks of a packet: as printed, with CRC-16 after it, and with CRC-16 only, byte-stuffed.
+#: Checks of a packet: markers as printed, the same plus CRC-16, and CRC-16 with byte stuffing.
 CHECKS = ("markers", "markers + CRC", "CRC")
 
 _YEAR = 365 * 86400.0  #: A year of 365 days [s].
@@ -34,7 +34,7 @@ _MOST_WRONG, _INTERVAL = 1.0, 3600.0
 
 
 def check_formats(n_items: int) -> dict[str, PacketFormat]:
-    """Return the packet formats for 1..84 items by the names of their checks."""
+    """Return the packet format of each check, by its name in `CHECKS`, for 1..84 items."""
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     formats = (MarkerFormat("A", n), MarkerFormat("A", n, crc=True), CobsFormat(n))
     return dict(zip(CHECKS, formats, strict=True))
@@ -59,7 +59,7 @@ def compare_checks(
     rates : iterable of float
         Bit error rates, 0..0.5 each.
     packets : int, default 60000
-        Number of packets for each check, number of items and rate, 0..1e9.
+        Packets per combination of check, number of items and rate, 0..1e9.
     rng : numpy.random.Generator or int, optional
         Random generator, or its seed.
 
@@ -120,7 +120,7 @@ class Comparison:
         )
 
     def table(self) -> pd.DataFrame:
-        """Return one row per check, number of items and bit error rate.
+        """Return one row per combination of check, number of items and bit error rate.
 
         ``low`` and ``high`` are 95 % bounds of the undetected fraction, ``expected`` is that
         fraction by `MarkerFormat.error_shares`, ``missed`` the accepted fraction of the disturbed
@@ -172,8 +172,8 @@ def switch_staleness(shares: Shares, period: float, interval: float, sending: Se
     share = spoiled + d * flip * (1 - spoiled) / (1 - d + 2 * d * flip)
     if sending == "cyclic":
         return Staleness(share, period / (1 - d - u))
-    # An old position ends with the next move, even if its packet is discarded, unless the packet is
-    # accepted with errors; a wrong position ends only with a correct packet.
+    # An old position is correct again after the next move, even if that packet is discarded, unless
+    # it is accepted with errors; a wrong position is corrected only by a correct packet.
     spoiled_moves = 1 / (1 - d - u)
     old_moves = 1 + u * spoiled_moves
     moves = (d * old_moves + u * spoiled_moves) / (d + u) if d + u else 1.0
@@ -212,11 +212,11 @@ class Recommendation:
 def candidates(n_items: int, system: System, rate: float, stale_time: float) -> pd.DataFrame:
     """Return one row per way to send 1..84 values per station, for comparison by `recommend`.
 
-    A discarded packet also causes a wait of one turn, but affects no other packet. Ways in which a
-    response takes longer than a turn are left out. If the items are split among several packets,
-    all packets are as long as the longest, and each cycle carries one packet per station, so that
-    updating all values takes as many cycles as there are packets. If only changes are sent, packets
-    are as long as with all items, but fail as often as packets with one item.
+    A discarded packet also delays the cycle until the turn ends, but affects no other packet. Ways
+    in which a turn would end before the response arrives are left out. If the items are split among
+    several packets, all are as long as the longest, and each cycle carries only one of them per
+    link and direction, so that updating all values takes as many cycles as there are packets. If
+    only changes are sent, packets are as long as with all items, but fail as often as with one.
     """
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     p = check_scalar("rate", rate, "", 0, 0.1)
@@ -269,9 +269,9 @@ def recommend(
 ) -> Recommendation:
     """Return the recommended way to send a number of values: the fastest that meets all limits.
 
-    The limits are ours; the paper states none. Receivers may accept one packet with wrong items
-    per year, a switch moves once per hour, and ``Supervision.intended()`` must not raise an alarm
-    in a healthy link.
+    The limits are ours; the paper states none. Receivers may accept at most one packet with
+    wrong items per year, a switch moves once per hour on average, and ``Supervision.intended()``
+    must not raise an alarm in a healthy link.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def recommend(
     rate : float, default 1e-5
         Bit error rate, 0..0.1; our assumption, because the paper states none.
     stale_time : float, default 3
-        Longest mean time for which a switch is shown in a wrong position after a failed packet,
+        Longest mean time for which a switch may be shown in a wrong position after a failed packet,
         1e-3..1e9 [s], including the wait of RCS for the lost response; the default equals the time
         for which a failed partner may go unnoticed.
 

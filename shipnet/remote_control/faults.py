@@ -35,7 +35,7 @@ class DeadStation(Fault):
 
 @record
 class Stall(Fault):
-    """A slow task, such as writing an EEPROM, keeps a station from reading its ring and sending.
+    """A slow task, such as an EEPROM write, keeps a station from reading its ring and from sending.
 
     Interrupts continue: bytes are stored and ticks counted. A packet that is being sent is
     completed. A stall must end.

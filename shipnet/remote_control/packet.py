@@ -1,4 +1,4 @@
-"""Packets of numbered values: between markers, as printed, and byte-stuffed with a CRC.
+"""Packets of numbered values in two formats: as printed with markers, and byte-stuffed with a CRC.
 
 A value is sent as its number, its low byte and its high byte. The drawing of the printed packet is
 missing, and the text allows two interpretations:
@@ -37,7 +37,7 @@ _ITEM, _CRC = 3, 2
 #: Bytes that one code byte of COBS can span; longer data would need more code bytes.
 _SPAN = 254
 
-#: The largest byte-stuffed packet has this many items: 3 x 84 + 2 = 254 bytes.
+#: Largest number of items in a byte-stuffed packet: 3 x 84 + 2 = 254 bytes before stuffing.
 MOST_STUFFED = 84
 
 #: Names of the bytes of an item.
@@ -54,12 +54,12 @@ _NUMBER_CHECKS = {
 
 
 def _crc(rows: Bytes) -> npt.NDArray[np.unsignedinteger]:
-    # For a single packet, the CRC of bytes is faster.
+    # For a single packet, computing the CRC of a `bytes` object is faster.
     return np.array([MODBUS.of(rows.tobytes())], np.uint16) if len(rows) == 1 else MODBUS.of(rows)
 
 
 def _crc_fits(rows: Bytes) -> Bools:
-    # After reading its own check value, the register of a reflected CRC without final XOR is 0.
+    # A reflected CRC without final XOR is 0 over data followed by their own CRC.
     return np.asarray(_crc(rows) == 0)
 
 
@@ -74,13 +74,13 @@ def _with_crc(rows: Bytes) -> Bytes:
 
 @record
 class MarkerFormat(PacketFormat):
-    """The packet as printed, which is accepted if its markers are in the right places.
+    """The packet as printed; by default, it is accepted if its markers are in the right places.
 
     Notes
     -----
     A value byte may equal a marker, because the format has no escape sequence. With
-    ``numbers="any"``, a receiver that stores values by number, as printed, writes outside its table
-    when a number is disturbed. The paper [1]_ mentions neither a check of the numbers nor a CRC.
+    ``numbers="any"``, a receiver that stores values by number, as printed, may write outside its
+    table when a number is disturbed. The paper [1]_ mentions neither a number check nor a CRC.
 
     References
     ----------
@@ -144,7 +144,7 @@ class MarkerFormat(PacketFormat):
 
     @staticmethod
     def false_sync(n_bytes: int, markers: int = 3) -> float:
-        r"""Return the probability that at least one of n random bytes equals a marker.
+        r"""Return the probability that at least one of n random bytes equals one of m markers.
 
         .. math:: P = 1 - \left( 1 - \frac{m}{256} \right)^n
 
@@ -157,13 +157,14 @@ class MarkerFormat(PacketFormat):
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
         r"""Return the fraction of packets accepted with errors.
 
-        With markers alone, the receiver accepts every packet whose m marker bytes are intact,
+        With markers alone, the receiver accepts a packet if its m marker bytes are intact and, in
+        interpretation A, none of its n numbers has become the last marker, 0xEE:
 
         .. math:: P_u = (1 - p)^{8 m} \left( 1 - P_e - (1 - p)^{24 n} \right)
 
-        unless a number turns into the last marker, with the probability P_e. With a CRC, the other
-        bits must also form a code word; the upper bound from `crc_residual` is less than a
-        thousandth too high. A check of the numbers is ignored, as it would only lower the fraction.
+        P_e, the probability of such a number, is 0 in interpretation B. With a CRC, the packet must
+        also match its CRC; the upper bound from `crc_residual` is less than a thousandth too high.
+        A check of the numbers is ignored, as it would only lower the fraction.
         """
         head, lead = len(self.head), len(self.lead)
         step, end = lead + _ITEM, head + n_items * (lead + _ITEM)
@@ -209,8 +210,8 @@ class MarkerFormat(PacketFormat):
 class MarkerParser:
     """Reads a stream byte by byte, searches for 0xCC, and discards malformed packets."""
 
-    # As in the paper, all bytes from the start of a malformed packet are lost. The byte that
-    # violated the form is tested again, because it may start the next packet.
+    # As in the paper, a malformed packet is lost up to the byte that violates the form. That byte
+    # is tested again, because it may start the next packet.
 
     def __init__(self, packet_format: MarkerFormat) -> None:
         self.discarded = 0
@@ -250,7 +251,7 @@ class MarkerParser:
         return "start of the data" if within < 0 else _PARTS[within]
 
     def _fits(self, byte: int) -> bool:
-        """Return whether a byte may follow the packet so far; note where the packet ends."""
+        """Return whether a byte can come next in the packet; set `_size` once its end is known."""
         form, head, lead, place = self._format, self._head, self._lead, len(self._packet)
         if place < len(head):
             self._size = 0
@@ -300,7 +301,7 @@ def stuff(data: Bytes) -> Bytes:
 
 
 def unstuff(rows: Bytes) -> tuple[Bools, Bytes]:
-    """Return which rows are stuffed correctly, and the original bytes of those rows."""
+    """Return whether each row is stuffed correctly, and its original bytes (invalid if not)."""
     n_rows, width = rows.shape
     good = (rows != 0).all(axis=1)
     if n_rows == 1:  # a single packet is faster byte by byte
@@ -324,11 +325,11 @@ def unstuff(rows: Bytes) -> tuple[Bools, Bytes]:
 
 @record
 class CobsFormat(PacketFormat):
-    """The corrected packet: it has a CRC, and is byte-stuffed so that no value equals the end byte.
+    """The corrected packet: it has a CRC, and byte stuffing keeps the end byte out of its data.
 
-    Items and their CRC-16/MODBUS are written without any 0 by consistent overhead byte stuffing
-    (COBS) [1]_, and a 0 ends the packet: 4 + 3 n bytes. A receiver that has lost synchronisation
-    resynchronises at the next 0. This format is not in the paper.
+    Consistent overhead byte stuffing (COBS) [1]_ encodes the items and their CRC-16/MODBUS without
+    zeros, and a 0 ends the packet. A packet of n items has 4 + 3 n bytes. A receiver that has lost
+    synchronisation resynchronises at the next 0. This format is not in the paper.
 
     References
     ----------
@@ -436,8 +437,8 @@ class CobsParser:
 def crc_residual(n_bytes: int, rate: float, known: tuple[int, ...] = ()) -> float:
     r"""Return the probability that CRC-16/MODBUS accepts data and check bytes with errors.
 
-    Bytes at the `known` places are error-free. By MacWilliams' identity, with the number B of words
-    of weight w in the dual code of a code of L bits (T. Fujiwara, T. Kasami, S. Lin, IEEE Trans.
+    Bytes at the `known` places are error-free. If B_w words of the dual code of a code of L bits
+    have the weight w, MacWilliams' identity gives (T. Fujiwara, T. Kasami, S. Lin, IEEE Trans.
     Communications 37 (1989) 986-989):
 
     .. math:: P_u = 2^{-16} \sum_{w=0}^{L} B_w (1 - 2 p)^w - (1 - p)^L
@@ -462,8 +463,8 @@ def code_weights(n_bytes: int, known: tuple[int, ...] = ()) -> tuple[int, ...]:
     """Return the number of words of weight 0, 1, ... in the dual code of CRC-16/MODBUS."""
     bits = 8 * np.array(known, np.int64)[:, np.newaxis] + np.arange(8)
     found = np.delete(MODBUS.syndromes(n_bytes), bits.reshape(-1))
-    # The Walsh-Hadamard transform counts, for each of the 2**16 sums of check bits, the even words
-    # minus the odd words.
+    # For each of the 2**16 words of the dual code, the Walsh-Hadamard transform gives the number of
+    # zeros minus the number of ones.
     sums = np.bincount(found, minlength=1 << _CRC_BITS)
     for bit in range(_CRC_BITS):
         pairs = sums.reshape(-1, 2, 1 << bit)

@@ -1,4 +1,4 @@
-"""Parts shared by all packets: items, rows of packets, and the effect of bit errors.
+"""Code shared by the two packet formats: items, batches of packets, and effects of bit errors.
 
 Bits are inverted independently with a probability p; start and stop bits are not modelled.
 """
@@ -39,7 +39,7 @@ _FAULTS: Mapping[type[FrameError], str] = {
 
 
 def check_bytes(name: str, data: object) -> bytes:
-    """Return data as bytes, or raise an error; `bytes` itself would turn a number into zeros."""
+    """Return data as bytes, or raise an error; `bytes` would turn an integer n into n zeros."""
     if not isinstance(data, (bytes, bytearray, memoryview)):
         raise ArgumentError(f"{name} is {data!r}; it must be bytes")
     return bytes(data)
@@ -58,7 +58,7 @@ class Shares(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Numbers of packets sent over a disturbed line, detected as wrong and accepted with errors."""
+    """Counts of packets: sent over a disturbed line, detected as wrong, accepted with errors."""
 
     sent: int
     detected: int
@@ -119,7 +119,7 @@ class PacketFormat:
         raise NotImplementedError
 
     def encode(self, items: Mapping[int, int]) -> bytes:
-        """Return a packet of values 0..65535, given by number, in rising order of number."""
+        """Return a packet of `items`, a mapping of numbers to values 0..65535, sorted by number."""
         if not isinstance(items, Mapping):
             raise ArgumentError(f"items is {items!r}; it must map numbers to values")
         numbers = sorted(check_whole("number", number, 0, self.n_numbers - 1) for number in items)
@@ -148,7 +148,7 @@ class PacketFormat:
         raise NotImplementedError
 
     def trace(self, stream: bytes, *, start: int = 0) -> pd.DataFrame:
-        """Return the meaning of each byte to a reader: ``place``, ``byte`` and ``taken_as``.
+        """Return a row per byte, with its meaning to a receiver: ``place``, ``byte``, ``taken_as``.
 
         The first byte is at place `start` of a ring of 128 bytes.
         """
@@ -159,7 +159,7 @@ class PacketFormat:
         return pd.DataFrame(rows, columns=["place", "byte", "taken_as"])
 
     def stream(self, n_bytes: int, items: int | None = None, *, phase: int = 0) -> bytes:
-        """Return the bytes of packets sent without a pause, from byte `phase` of the first one.
+        """Return `n_bytes` of packets sent without pauses, from byte `phase` of the first packet.
 
         Every packet has the same number of `items`, by default all, each with the value 1000.
         """
@@ -180,8 +180,8 @@ class PacketFormat:
         number = _whole("numbers", numbers, self.n_numbers - 1)
         if value.ndim != 2 or number.shape not in (value.shape, value.shape[1:]):
             raise ArgumentError(
-                f"numbers and values have the shapes {number.shape} and {value.shape}; they must "
-                "be (n_items,) or (n_packets, n_items), and (n_packets, n_items)"
+                f"numbers and values have the shapes {number.shape} and {value.shape}; values "
+                "must be (n_packets, n_items), and numbers the same or (n_items,)"
             )
         if (np.diff(number, axis=-1) <= 0).any():
             raise ArgumentError("numbers must be in rising order in each row")
@@ -287,11 +287,11 @@ class PacketFormat:
         raise NotImplementedError
 
     def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
-        """Return, for each row, whether its form and its CRC are correct, and its items."""
+        """Return, by row, whether the form is correct, whether the CRC matches, and the items."""
         raise NotImplementedError
 
     def _accepts(self, numbers: Bytes) -> Bools:
-        """Return whether the receiver accepts each row of numbers."""
+        """Return, for each row, whether the receiver accepts its numbers."""
         if self.numbers == "any":
             return np.ones(len(numbers), bool)
         accepts: Bools = np.all(numbers < self.n_numbers, axis=1)
@@ -318,7 +318,7 @@ def _single_flip_share(packet_format: PacketFormat, n_items: int) -> float:
 
 
 def _hits(n_bits: int, p: float, rng: np.random.Generator) -> Integers:
-    """Return which of these bits are inverted, in rising order."""
+    """Return random places of inverted bits among `n_bits` bits, in rising order."""
     if p == 0 or n_bits == 0:
         return np.zeros(0, np.int64)
     parts, reached = [], -1

@@ -23,7 +23,7 @@ _CASES = {
     "a": ("a: same flags, no < get_no", "#c44e52"),
 }
 
-#: Field whose colour shows the receiver of a packet.
+#: For each receiving station, the field in `style.FIELD` whose colour its packets get.
 _TARGETS = {"RCS": "control", "BCS": "address", "SS": "information"}
 
 #: Largest number of packets in one figure.
@@ -136,7 +136,7 @@ def plot_time_chart(
     shown = traffic[(traffic["end_s"] >= start) & (traffic["start_s"] <= end)]
     if not 1 <= len(shown) <= _MOST_PACKETS:
         raise ArgumentError(
-            f"start and stop show {len(shown)} packets; a figure shows 1 to {_MOST_PACKETS}"
+            f"start..stop contains {len(shown)} packets; a figure shows 1 to {_MOST_PACKETS}"
         )
     ax = style.axes(ax)
     row = {name: place for place, name in enumerate(("BCS", "RCS", "SS"))}
@@ -216,7 +216,7 @@ def plot_counters(
 ) -> Axes:
     """Draw the counters of Fig 5 of chung1998 after the last 0xDD of a partner.
 
-    The count is a line, and each miss is a mark with its number; the last mark is red.
+    The count is a line, and each miss a numbered mark; the last is red and gives the time instead.
     """
     ax = style.axes(ax)
     place = len(ax.get_legend_handles_labels()[1])
@@ -249,7 +249,7 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
         beside = items + 0.4 * place
         low, high = (rows[name].to_numpy(dtype=float) for name in ("low", "high"))
         bounds += high[count == 0].tolist()
-        # The fraction for the byte-stuffed packet is an upper estimate, see `CobsFormat`.
+        # For the byte-stuffed packet, the estimate is usually too high: `CobsFormat._undetected`.
         label = f"{check}" + ", upper estimate" * (check == "CRC")
         ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=label)
         some = count > 0

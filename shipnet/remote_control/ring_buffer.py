@@ -1,8 +1,8 @@
-"""The receive ring: an interrupt stores bytes, a task extracts them later.
+"""The receive ring: an interrupt stores bytes, and a task extracts them later.
 
 Writer and reader each have a place (``no``, ``get_no``) and a flag that changes at the end of the
-ring (``ring_f``, ``ring_get_f``). Place and flag together count up to twice the size of the ring,
-and show one of four cases:
+ring (``ring_f``, ``ring_get_f``). A place and its flag together count modulo twice the ring size.
+The four variables show one of four cases:
 
 - a: same flags, ``no < get_no``: the reader seems to have passed the writer;
 - b: same flags, ``no >= get_no``: in order, or empty;
@@ -30,7 +30,7 @@ Case = Literal["a", "b", "c", "d"]
 Action = Literal["take", "wait", "stop", "repair"]
 Rule = Literal["printed", "intended", "corrected"]
 
-_LAPS = 3  #: Largest number of laps by which the writer may lead in the searches below.
+_LAPS = 3  #: Laps of lead that `RingCases` and, by default, `Ring.explore` cover.
 
 
 class State(NamedTuple):
@@ -43,7 +43,7 @@ class State(NamedTuple):
 
     @property
     def case(self) -> Case:
-        """The case that the variables show, in the order of the printed list."""
+        """The case that the variables show, lettered in the order of the printed list."""
         if self.ring_f == self.ring_get_f:
             return "b" if self.no >= self.get_no else "a"
         return "c" if self.no >= self.get_no else "d"
@@ -53,7 +53,7 @@ class Step(NamedTuple):
     """One step of the reader, and the case in which it took place.
 
     The reader read a `byte`, waited, stopped receiving, or repaired the ring. `lost` counts the
-    unread bytes that it skipped; a `stale` byte was read before, or never received.
+    unread bytes that the reader skipped; a `stale` byte was read before or was never received.
     """
 
     case: Case
@@ -69,7 +69,7 @@ def bytes_of(steps: Iterable[Step]) -> bytes:
 
 
 def case_of(get_no: int, lead: int, size: int) -> Case:
-    """Return the case in which the writer leads a reader at this place by `lead` bytes."""
+    """Return the case shown when the writer leads a reader at `get_no` by `lead` bytes."""
     ring_f, no = divmod((get_no + lead) % (2 * size), size)
     return State(no, ring_f, get_no, 0).case
 
@@ -82,8 +82,8 @@ class Ring:
     size : int, default 128
         Capacity of the ring, 2..65536 bytes.
     rule : {"printed", "intended", "corrected"}, default "printed"
-        Rule by which the reader decides. "printed": the printed tests, in which ``no == get_no``
-        with equal flags counts as data. "intended": the same tests, but this state counts as empty.
+        Rule of the reader. "printed": the printed tests, in which ``no == get_no`` with equal flags
+        counts as data. "intended": the same tests, but this state counts as empty.
         "corrected": writer and reader count their bytes without returning to 0.
 
     Attributes
@@ -91,7 +91,7 @@ class Ring:
     written : int
         Bytes stored so far; the printed program does not keep this count.
     lost : int
-        Bytes that were never read and can no longer be read.
+        Bytes overwritten or skipped unread; they are counted when the reader moves past them.
     stale : int
         Bytes read that had been read before or were never received.
 
@@ -100,11 +100,11 @@ class Ring:
     In case a the printed reader [1]_ switches the receive interrupt off and sends; here it stops,
     and continues when the case has changed. In case c it skips a part of the ring: it moves to the
     middle if ``no`` is in the lower half, otherwise to the start, and searches for 0xCC from there.
-    If there is none, it stops at the writer, with an empty ring. ``no == size / 2`` counts as the
-    upper half. Both are our choice, because the paper does not specify these cases.
+    If it finds none, it moves to the writer, which empties the ring. ``no == size / 2`` counts as
+    the upper half. The paper specifies neither of these two cases, so both rules are our choice.
 
-    The counters of a corrected program may have 16 bits: their difference is right as long as fewer
-    than 65536 bytes are unread.
+    A corrected program can use 16-bit counters: their difference, modulo 65536, is correct as long
+    as fewer than 65536 bytes are unread.
 
     References
     ----------
@@ -142,9 +142,9 @@ class Ring:
 
     @classmethod
     def filled(cls, unread: int, get_no: int = 0, size: int = 128, rule: Rule = "intended") -> Ring:
-        """Return a ring with `unread` bytes and the reader at a place.
+        """Return a ring with this many `unread` bytes and the reader at place `get_no`.
 
-        The n-th byte stored has the value n, modulo 256.
+        The bytes stored are 0, 1, 2, ..., modulo 256.
         """
         ring = cls(size, rule)
         get_no = check_whole("get_no", get_no, 0, size - 1)
@@ -157,7 +157,7 @@ class Ring:
 
     @property
     def cells(self) -> bytes:
-        """The bytes in the ring."""
+        """The bytes in all cells of the ring; 0 in cells not yet used."""
         return bytes(self._cells)
 
     @property
@@ -263,8 +263,8 @@ class Ring:
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the ring as a circle of cells, clockwise from the top, with writer and reader.
 
-        Cells with unread bytes are shaded, in red if other bytes were overwritten unread. Rings of
-        up to 32 cells show their bytes.
+        Cells with unread bytes are shaded, in red if earlier bytes were overwritten before they
+        were read. Rings of up to 32 cells show their bytes.
         """
         from shipnet.remote_control.plot import plot_ring
 
@@ -293,7 +293,7 @@ class Ring:
         return Step(case, "take", self._cells[place], lost)
 
     def _move(self, count: int) -> int:
-        """Move the reader forward to a byte; return how many bytes it skips."""
+        """Move the reader forward to a byte; return how many unread bytes it skips."""
         self._reader = count % (2 * self.size)
         lost = max(0, count - self._due)
         self._due += lost
@@ -301,10 +301,10 @@ class Ring:
         return lost
 
     def _first_start(self) -> int:
-        """Return the index of the byte that the repair of Fig 9 finds."""
+        """Return where the repair of Fig 9 puts the reader, counted from the first byte stored."""
         no = self.state.no
         half = self.size >> 1
-        # Read from its middle, the ring holds bytes of the previous lap, then bytes of this lap.
+        # If ``no`` is in the lower half, the upper half still holds bytes of the previous lap.
         oldest = self.written - no + (half - self.size if no < half else 0)
         for count in range(oldest, self.written):
             if self._cells[count % self.size] == PACKET_START:
@@ -332,8 +332,8 @@ class RingCases:
     def table(self) -> pd.DataFrame:
         """Return how many pairs of writer's lead and reader's place show each case, by lap.
 
-        A lap has leads ``from`` .. ``to`` [byte]. A lead of exactly one lap is a full ring: nothing
-        is lost yet, although the variables show case c.
+        Each row is a lap, with the leads ``from`` .. ``to`` [byte]. A lead of exactly one lap is a
+        full ring: nothing is lost yet, although the variables show case c.
         """
         shown = self._shown().reshape(_LAPS, -1)
         first = np.arange(_LAPS) * self.size

@@ -1,7 +1,7 @@
 """Recorded serial lines: bit rate, character format and characters, from levels or voltages.
 
-Only the edges are used. The bit time is the slope of a straight line through all edges over their
-bit numbers. A character format fits if neither its parity nor its stop bit ever fails.
+Only the edges are used. The bit time is the slope of a straight line fitted to their times since
+the start bit, over their bit numbers. The character format with the fewest faults is chosen.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class _Reading(NamedTuple):
 
 
 def _read(places: Floats, first: int, bit: float, size: int) -> _Reading:
-    """Sample characters of `size` bits between start and stop bit, each from its own start bit."""
+    """Sample characters of `size` bits between start and stop bit, timed from their start bits."""
     falls = places[first ^ 1 :: 2]
 
     def level(times: Floats) -> Integers:
@@ -61,7 +61,7 @@ def _read(places: Floats, first: int, bit: float, size: int) -> _Reading:
 
 
 def _fit(places: Floats, reading: _Reading, bit: float) -> tuple[float, float]:
-    """Return the bit time that fits the edges within characters, and the deviation of the edges."""
+    """Return the bit time fitted to the edges within characters, and their rms deviation [bit]."""
     if not len(reading.starts):
         return bit, 0.5
     own = np.searchsorted(reading.starts, places, side="right") - 1
@@ -111,7 +111,7 @@ def _faults(reading: _Reading, parity: str) -> tuple[Bools, Bools]:
 def _found(
     edges: Edges, first: int, bit: float | None, form: tuple[int, str] | None
 ) -> tuple[float, tuple[int, str]]:
-    """Return the bit time and format with the fewest faults; in a tie, the longest bit."""
+    """Return the bit time and format with the fewest faults, preferring long bits and parity."""
     head = np.asarray(edges.places[:_HEAD], dtype=float)
     runs = np.diff(head)
     guesses = {bit} if bit else {
@@ -146,8 +146,8 @@ class SerialCapture:
     `bit_rate` is the given or detected rate at which the line was read, and `measured_rate` the
     sender's rate, computed from all edges [bit/s]. `character` gives the number of data bits, the
     parity and the number of stop bits, such as ``"8N1"``. `waveform` is the level including
-    glitches, which `modbus.Waveform.decode` can read with other settings; None for characters that
-    do not have 8 bits. `duration` is the length of the record [s], and `channel` the channel of the
+    glitches, which `modbus.Waveform.decode` can read with other settings; None unless characters
+    have 8 data bits. `duration` is the length of the record [s], and `channel` the channel of the
     file. `glitches` counts removed pulses shorter than a third of a bit, and false starts.
 
     Examples
@@ -205,7 +205,7 @@ def read_capture(
     Parameters
     ----------
     path : path
-        A file as for `shipnet.can.read_capture`. The level of the idle line is 1.
+        A file as for `shipnet.can.read_capture`. The idle level is read as 1.
     bit_rate : float, optional
         Bit rate of the receiver, 50..10e6 [bit/s]; by default the detected rate of the sender.
     character : str, optional
@@ -230,11 +230,11 @@ def read_capture(
     Notes
     -----
     A start bit begins where the level falls, and counts if the line is still 0 half a bit later.
-    All bits are sampled in their middle, and the next character begins at the first falling edge
+    Each bit is sampled in its middle, and the next character begins at the first falling edge
     after the middle of the first stop bit. Pulses shorter than a third of a bit are removed first.
 
     The bit rate and character format with the fewest faults are chosen. With fewer than about ten
-    characters, several formats have no faults and the result is a guess, so pass both arguments.
+    characters, several formats may fit, and the result is a guess; pass `bit_rate` and `character`.
 
     Examples
     --------
@@ -247,7 +247,7 @@ def read_capture(
     form = None
     if character is not None:
         if not isinstance(character, str) or not re.fullmatch("[5-9][NEO][12]", character):
-            raise ArgumentError(f"character is {character!r}; write 5..9, N, E or O, and 1 or 2")
+            raise ArgumentError(f"character is {character!r}; write 5..9, N/E/O and 1/2, as in 8N1")
         form = int(character[0]), character[1]
     edges = read_edges(file, channel=channel, sample_interval=sample_interval)
     if len(edges.places) > _EDGES:

@@ -1,4 +1,4 @@
-"""Simulate the link byte by byte: changes, events and outcomes."""
+"""Byte-by-byte simulation of the link: changes of values, events and outcomes of packets."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Change:
     """A change of a value at a station; all values are 0 at the beginning.
 
     The station sends the value to its partners. RCS forwards a slave's value to the other slave if
-    that slave uses it; ``System().signals()`` shows which do.
+    that slave uses it; ``System().signals()`` lists the sources and readers of each value.
 
     Examples
     --------
@@ -57,7 +57,7 @@ class Change:
 
 
 class Update(NamedTuple):
-    """The reception of a value by one station from another at a time [s]."""
+    """A value that `station` received from `source`, and the time at which it was stored [s]."""
 
     time: float
     station: str
@@ -68,7 +68,7 @@ class Update(NamedTuple):
 
 @dataclass(slots=True)
 class Packet:
-    """A packet on the line, from its first bit to its last [s], with the items received from it."""
+    """A packet, with its items as sent and as received; `start`, `end` and `read` are times [s]."""
 
     start: float
     end: float
@@ -91,10 +91,10 @@ class Packet:
 class Run:
     """A finished simulation of the link.
 
-    `system`, `until` [s] and `faults` are as given, and `changes` are in order of time. `packets`
-    are all packets that were begun, `updates` the values that stations received from each other,
-    and `heartbeats` the received heartbeats: time [s], receiver, sender and the ticks counted until
-    then. `max_unread` is the largest number of bytes in a ring when its task read it.
+    `system`, `until` [s] and `faults` are as given, and `changes` are sorted by time. `packets` are
+    all packets that were begun, `updates` the values that stations received from each other, and
+    `heartbeats` the received heartbeats: time [s], receiver, sender and the ticks counted since the
+    previous one. `max_unread` is the largest number of unread bytes that a task found in its ring.
 
     Examples
     --------
@@ -124,8 +124,9 @@ class Run:
     def events(self) -> pd.DataFrame:
         """Return the unusual events, one row each.
 
-        They are "failed" and "answered" (a partner), "timed out" (a turn), "ring repaired", "ring
-        stopped", "ring overrun unnoticed", "task stalls", "station stops" and "station starts".
+        Column ``event`` is "failed", "answered" (after "failed") or "timed out" for a partner, and
+        "ring repaired", "ring stopped", "ring overrun unnoticed", "task stalls", "station stops" or
+        "station starts" for the station itself.
         """
         columns = ["time_s", "station", "event", "partner", "detail"]
         return pd.DataFrame(self._events, columns=columns)
@@ -151,7 +152,7 @@ class Run:
         return table.astype({"comm_f": "Int64"})
 
     def history(self, number: int, station: str) -> pd.DataFrame:
-        """Return the values of a number at a station, each valid from its ``time_s``.
+        """Return the history of value `number` at a station; each row is valid from its ``time_s``.
 
         These are the values that the station set itself, or if it set none, the values that it
         received.
@@ -170,8 +171,8 @@ class Run:
     def delays(self, station: str) -> pd.DataFrame:
         """Return the delay ``delay_s`` with which a station received each change made by others.
 
-        The delay is 0 if the station still had that value, and NaN if the value changed again, or
-        the simulation ended, before it was received.
+        The delay is 0 if the station already had the new value, and NaN if the source changed the
+        value again, or the simulation ended, before it was received.
         """
         rows = []
         for change in self.changes:
@@ -200,9 +201,9 @@ class Run:
     ) -> Axes:
         """Draw the packets of each station from `start` to `stop` [s], as in Fig. 2 of chung1998.
 
-        A packet is a block in the row of its sender, coloured by its receiver, with an arrow to the
-        receiver that read it; a lost packet is hatched. A red triangle marks a partner declared
-        failed. A figure shows up to 500 packets.
+        A packet is a block in its sender's row, coloured by receiver, with an arrow to the receiver
+        that read it; a lost packet is hatched. A red triangle shows when a station declares a
+        partner failed. `stop` defaults to the end of the run; 1 to 500 packets can be drawn.
         """
         from shipnet.remote_control.plot import plot_time_chart
 
@@ -231,7 +232,7 @@ def simulate(
     changes : Change or iterable of Change, optional
         Changes of values at the stations.
     until : float
-        End of the simulation, 0..1e6 [s]; up to 20 million bytes and ticks.
+        End of the simulation, 0..1e6 [s]; a run may have at most 20 million bytes and ticks.
     faults : Fault or iterable of Fault, optional
         Faults from the namespace `faults`.
     rng : numpy.random.Generator or int, optional
@@ -245,11 +246,12 @@ def simulate(
 
     Notes
     -----
-    A station accepts bytes only while it receives (``comm_f`` is 1). Its task reads the ring after
-    every byte, and answers when a packet is complete; an incomplete packet is not answered. The
-    bytes that did arrive stay in the ring and can corrupt the next packet. The timers stop only
-    when their station is dead. A single byte 0xDD from the partner, marker or value, clears the
-    counters; in a format without markers a complete packet does.
+    A station accepts bytes only while it receives or processes (``comm_f`` is 1). Its task reads
+    the ring after every byte; when a packet is complete, the station processes it and then sends.
+    An incomplete packet gets no response; the bytes that arrived are kept, and can corrupt the next
+    packet. A station's timer stops only while the station is dead. In a format with markers, every
+    byte 0xDD from a partner, whether a marker or part of a value, clears the counters for that
+    partner; in a format without markers, every complete packet does.
 
     Examples
     --------
@@ -402,7 +404,7 @@ class _Simulation:
             self._note(station, "answered", partner)
 
     def _look(self, station: Station) -> None:
-        """Let the task read the ring, if it can."""
+        """Let the task read the ring, if the station is receiving and the task is not busy."""
         if station.state is not State.RECEIVING or self.now < station.busy_until:
             return
         reading = station.read()
@@ -542,8 +544,7 @@ def switch_delays(
     for rate in BIT_RATES:
         link = replace(base, bit_rate=rate)
         bound = link.response_time()
-        # The interval between two moves is at least twice the longest delay, and up to a cycle
-        # longer.
+        # The interval between moves is twice the longest delay plus a random fraction of a cycle.
         gap = 2 * bound + link.cycle_time * chance.random(n)
         times = np.cumsum(gap)
         moves = [Change(float(t), "BCS", 1, (k + 1) % 2) for k, t in enumerate(times)]

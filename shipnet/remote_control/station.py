@@ -56,11 +56,11 @@ def _values(name: str, values: Sequence[int]) -> list[int]:
 
 
 class Sender:
-    """Chooses the values to send, and assumes that they arrive: there is no acknowledgement.
+    """Selection of the values to send, which are assumed to arrive: nothing is acknowledged.
 
-    Each packet also carries `repeat` unchanged values, taken in turn. With 0, the paper's rule, a
-    lost packet leaves the receiver with old values until they change again; with k, the values are
-    corrected within ``ceil(n_items / k)`` packets.
+    Each packet also carries `repeat` values in turn, even if they are unchanged. If `repeat` is 0,
+    the paper's rule, a lost packet leaves the receiver with old values until they change again; if
+    it is k, the values are corrected within ``ceil(n_items / k)`` packets.
     """
 
     def __init__(self, n_items: int, repeat: int = 0) -> None:
@@ -88,14 +88,14 @@ class State(Enum):
 
     @property
     def comm_f(self) -> int | None:
-        """The flag of the paper: 0 to send, 1 to receive, which includes processing."""
+        """The flag of the paper: 0 while sending, 1 while receiving or processing, None if dead."""
         if self is State.DEAD:
             return None
         return 0 if self is State.SENDING else 1
 
 
 class Reading(NamedTuple):
-    """The content of the ring when the task emptied it.
+    """What the task found when it read the ring.
 
     `repaired` is True if the reader skipped a part of the ring (case c), `stopped` if it stopped
     before the ring was empty (case a); `lost` is the number of bytes that are never read.
@@ -111,9 +111,9 @@ class Reading(NamedTuple):
 class Station:
     """A station in the simulation.
 
-    It sends to `partner` or waits for it; `turn` increases with every packet sent, and whenever the
-    station stops or starts, so that events of earlier turns are cancelled; `busy_until` is the end
-    of a slow task [s].
+    It sends to `partner` or waits for its packet. `turn` increases with every packet sent, and
+    whenever the station stops or starts, so that pending events of earlier turns are ignored.
+    `busy_until` is the end of a slow task [s].
     """
 
     def __init__(self, name: str, system: System) -> None:
@@ -134,7 +134,7 @@ class Station:
         return self.name == "RCS"
 
     def read(self) -> Reading:
-        """Empty the ring, as the task does, and return its content."""
+        """Read the ring until it is empty or the reader stops, and return what was found."""
         unread, lost_before = self.ring.unread, self.ring.lost
         steps = self.ring.drain()
         repaired = any(step.action == "repair" for step in steps)

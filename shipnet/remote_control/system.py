@@ -50,7 +50,7 @@ class Value:
 
     @property
     def routes(self) -> tuple[tuple[str, ...], ...]:
-        """The stations on the value's route; one tuple per pair of source and other user."""
+        """The value's routes as tuples of stations, one per pair of a source and another user."""
         # BCS and SS have no line between them: values from one to the other go through RCS.
         users = (*self.sources, *self.readers)
         pairs = [(a, b) for a in self.sources for b in users if a != b]
@@ -58,7 +58,7 @@ class Value:
 
     @property
     def hops(self) -> tuple[Hop, ...]:
-        """The lines on which the value is sent, in the order of a cycle."""
+        """The hops (sender, receiver) on which the value is sent, in the order of a cycle."""
         crossed = {hop for route in self.routes for hop in pairwise(route)}
         return tuple(hop for hop in HOPS if hop in crossed)
 
@@ -80,7 +80,7 @@ VALUES = (
 
 
 def values_on(source: str, target: str) -> tuple[Value, ...]:
-    """Return the values that one station sends to another, by number."""
+    """Return the values that one station sends to another, in the order of their numbers."""
     return tuple(value for value in VALUES if (source, target) in value.hops)
 
 
@@ -104,7 +104,7 @@ class Supervision:
 
     .. math:: N = (c + 1)(m + 1), \quad \text{or} \quad N = c \, m
 
-    if "beyond" means exceeding the limit, as printed, or reaching it.
+    depending on whether "beyond" means exceeding the limit, as printed, or reaching it.
 
     Notes
     -----
@@ -150,14 +150,14 @@ class Supervision:
         """Limits of the time from a partner's last 0xDD until the partner is declared failed [s].
 
         The lower limit comes first and is exclusive. The time depends on the delay of the first
-        tick, and applies to a station that does not send.
+        tick after the 0xDD, and is longer if the counting station sends meanwhile.
         """
         return (self.n_ticks - 1) * self.tick, self.n_ticks * self.tick
 
     def plot(self, ax: Axes | None = None, *, label: str = "") -> Axes:
         """Draw the counters from the last 0xDD of a partner until the partner is declared failed.
 
-        A second rule drawn on the same axes gets its own colour and height.
+        A second rule on the same axes gets its own colour, and its misses are marked higher up.
         """
         from shipnet.remote_control.plot import plot_counters
 
@@ -185,13 +185,13 @@ class Counter:
     failed: bool = field(default=False, init=False)
 
     def step(self) -> bool:
-        """Count one tick; return whether the silence has just become a failure."""
+        """Count one tick; return whether the partner has just been declared failed."""
         self.count += 1
         self.ticks += 1
         if self.count >= self.rule.miss_ticks:
             self.count = 0
             self.miss += 1
-        # After a failure the counters start again, so a partner that stays silent fails again.
+        # A failure restarts the counters, so a partner that stays silent is declared failed again.
         if self.miss >= self.rule.miss_limit + self.rule.strict:
             self.miss = 0
             self.failed = True
@@ -199,7 +199,7 @@ class Counter:
         return False
 
     def clear(self) -> bool:
-        """Clear all counters when a 0xDD has arrived; return whether the partner had failed."""
+        """Clear all counters at a sign of life; return whether the partner was declared failed."""
         failed, self.failed = self.failed, False
         self.count = self.miss = self.ticks = 0
         return failed
@@ -211,12 +211,13 @@ class Counter:
 class Cascade(NamedTuple):
     """The silence that BCS observes while RCS waits for a dead SS; times in seconds.
 
-    Each pair contains the shortest and the longest time, depending on the timers, in the first turn
-    of an SS that died while it was not sending. `wait` is the time that RCS waits for a response,
-    `silent` the time that BCS receives nothing, from its last byte to the next 0xDD, and `counted`
-    the time that the counters of BCS run meanwhile. `longest` is an upper bound on the time that
-    BCS receives nothing in any turn, whenever SS dies. `alarm` says whether BCS also declares RCS
-    failed, although RCS is alive: "certain" (in the first turn), "possible" or "never".
+    Each pair contains the shortest and the longest time, depending on the state of the timers, in
+    the first turn of SS after its death, if SS was not sending when it died. `wait` is the time for
+    which RCS waits for a response, `silent` the time from the last byte that BCS sends to the next
+    0xDD that it receives, and `counted` the time for which the counters of BCS run without a 0xDD.
+    `longest` is an upper bound on `silent` in any turn, whenever SS dies. `alarm` says whether BCS
+    also declares RCS failed, although RCS is alive: "certain" (in the first turn), "possible" or
+    "never".
     """
 
     wait: tuple[float, float]
@@ -264,8 +265,8 @@ class System:
     )  # fmt: skip
     repeat: int = whole(
         0, 204, "",
-        "Number of unchanged values that each packet also carries, in turn; 0 is the rule as "
-        "printed, ``n_items`` sends all values every time", default=0,
+        "Number of values that each packet carries in turn, even if they are unchanged; 0 is the "
+        "rule as printed, and ``n_items`` sends all values every time", default=0,
     )  # fmt: skip
     processing: float = number(
         0, 10, "s",
@@ -276,8 +277,8 @@ class System:
     slave: Supervision = part(Supervision, "Rule of BCS and SS", default_factory=Supervision)
     turn_timeout: float | None = number(
         1e-3, 3600, "s",
-        "Time after which RCS goes on to the next partner without a response; as printed, it waits "
-        "until it declares the partner failed", default=None, optional=True,
+        "Time after which RCS goes on to the next partner if it has received no response; if None, "
+        "as printed, it waits until it declares the partner failed", default=None, optional=True,
     )  # fmt: skip
     ring_size: int = whole(2, 4096, "byte", "Size of the receive ring", default=128)
 
@@ -310,7 +311,7 @@ class System:
 
         .. math:: T_i = 2 P + 3 t + b \, t_c
 
-        with b bytes of the duration t_c up to the first 0xDD.
+        with b bytes, of duration t_c each, up to and including the first 0xDD.
         """
         first = (self.heartbeats()[0] + 1) * self.character_time
         return 2 * self.packet_time + 3 * self.processing + first
@@ -380,11 +381,10 @@ class System:
 
         .. math:: T_i' = t + P + W + b \, t_c
 
-        where the wait W of RCS ends when its counters reach the limit or its turn ends. An SS that
-        dies within its response leaves part of a packet in the ring of RCS. This part can corrupt
-        the response of BCS, and RCS then waits in vain for both slaves; `Cascade.longest` assumes
-        that this always happens. RCS can even declare BCS failed, unless the turn ends before the
-        counters reach the limit.
+        where RCS waits for the time W, until it declares SS failed or the turn times out. If SS
+        dies while it is sending, RCS keeps part of a packet. This part can corrupt the response of
+        BCS, and RCS then waits in vain for both slaves; `Cascade.longest` assumes that this always
+        happens. RCS can even declare BCS failed, unless the turn times out first.
         """
         packet, process, rule = self.packet_time, self.processing, self.master
         # RCS has already counted since the last 0xDD from SS.
@@ -412,16 +412,16 @@ class System:
         return Cascade(wait, silent, counted, longest, alarm)
 
     def overrun_stall(self) -> tuple[float, float]:
-        r"""Return the shortest and longest stall of a slave's task that overruns its ring [s].
+        r"""Return the limits of the shortest stall of a slave's task that overruns its ring [s].
 
-        The stall begins at the worst moment, when a packet begins. RCS waits for W without a
-        response, and then sends again after an exchange with the other slave, until the k-th packet
-        after the first fills the ring:
+        The stall begins at the worst moment, just before the first byte of a packet is complete.
+        RCS waits in vain for W, exchanges packets with the other slave and sends again, until the
+        k-th packet after the first fills the ring:
 
         .. math:: S = k (W + 3 P + 2 t) + (R - k L - 1) \, t_c, \quad k = \lceil R / L \rceil - 1
 
-        with packets of L bytes that contain all items, and a ring of R bytes. The two times depend
-        on the timer of RCS, and are equal with a ``turn_timeout``.
+        with packets of L bytes that contain all items, and a ring of R bytes. The time depends on
+        the timer of RCS; with a ``turn_timeout``, the two limits are equal.
         """
         size, ring = self.packet_format.size(self.n_items), self.ring_size
         packet, rule = self.packet_time, self.master
@@ -446,7 +446,7 @@ class System:
         return self.master if station == "RCS" else self.slave
 
     def heartbeats(self) -> tuple[int, ...]:
-        """Return which bytes of a packet show its receiver that the sender is alive.
+        """Return the places, from 0, of the bytes in a packet that show that its sender is alive.
 
         These bytes are the markers 0xDD or, in a format without markers, the last byte.
         """
@@ -491,7 +491,7 @@ class Timing:
     def plot(self, ax: Axes | None = None, *, limit: float = 3.0) -> Axes:
         """Draw the time for which a healthy slave's counters run, over the bit rate.
 
-        `limit`, the time to failure [s], is a red dashed line.
+        `limit`, the time after which a partner is declared failed [s], is a red dashed line.
         """
         from shipnet.remote_control.plot import plot_margins
 

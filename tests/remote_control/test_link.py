@@ -292,7 +292,7 @@ def test_the_time_chart_has_a_block_per_packet_and_names_the_failures(ax):
     words = [text.get_text() for text in ax.texts if text.get_text()]
     assert words == [f"{name} failed" for name in run.alarms().partner]
     assert ax.get_xlabel() == "time [s]"
-    with pytest.raises(ArgumentError, match="show 0 packets"):
+    with pytest.raises(ArgumentError, match="contains 0 packets"):
         run.plot(ax, start=50, stop=60)
 
 
