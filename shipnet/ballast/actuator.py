@@ -1,6 +1,6 @@
 """An electro-hydraulic actuator: parameters, hydraulics in closed form, and motor.
 
-The paper prints none of the parameters. Ours describe an actuator of common size for a butterfly
+The paper prints none of the parameters. Ours describe an actuator of a common size for a butterfly
 valve of DN 100 to 150, and put the operating point near row 0 of the rule table; each value is an
 assumption unless a source is given.
 """
@@ -141,9 +141,9 @@ class Hydraulics(NamedTuple):
 def load_pressure(
     actuator: Actuator, opening: npt.ArrayLike, direction: npt.ArrayLike = 1
 ) -> Floats:
-    """Return the cylinder pressure that moves a valve."""
+    """Return the cylinder pressure [Pa] needed to move a valve at an opening of 0..1."""
     # Bearing, seating and dynamic torque as in AWWA M49, with an assumed shape: the torque of the
-    # flow is highest, 0.61 of `dynamic_torque`, at an opening of 58 %.
+    # flow is highest, 0.54 of `dynamic_torque`, at an opening of 58 %.
     x = np.minimum(np.maximum(np.asarray(opening, float), 0), 1)
     flow = np.asarray(direction) * actuator.dynamic_torque * x * np.sin(np.pi * x) ** 2
     friction = actuator.bearing_torque + actuator.seating_torque * np.exp(-x / _SEAT)
@@ -161,8 +161,8 @@ class Oil:
 
     # The oil is assumed to be stiff, so pressures follow the load at once. The pump delivers
     # D n - K p with the relief valve closed, and D n - (K + K_r) p + K_r p_r with it open; the
-    # smaller of the two flows is always the correct one. A flow q through the restrictor needs the
-    # pressure s^2 = (q/C)^2, so each balance is a quadratic equation in s: K s^2 + b s = c.
+    # smaller of the two flows is always the correct one. A flow q through the restrictor causes a
+    # pressure drop s^2 = (q/C)^2, so each balance is a quadratic equation in s: K s^2 + b s = c.
     def __init__(self, actuator: Actuator) -> None:
         a = actuator
         pumped = np.asarray(a.displacement) * a.speed
@@ -190,14 +190,14 @@ class Oil:
 
 
 def velocity(actuator: Actuator, opening: npt.ArrayLike, direction: npt.ArrayLike = 1) -> Floats:
-    """Return the speed of a valve while its motor runs."""
+    """Return the speed of a valve while its motor runs, in quarter turns per second."""
     flow = hydraulics(actuator, load_pressure(actuator, opening, direction)).flow
     return np.asarray(flow / np.asarray(actuator.stroke_volume))
 
 
 def stroke_time(actuator: Actuator, direction: int = 1) -> Floats:
     """Return the end-to-end stroke time of a valve that opens (1) or closes (-1) [s]."""
-    # Two panels: the seat torque decays within hundredths of the stroke and needs its own nodes.
+    # Two panels: the seating torque decays within hundredths of the stroke and needs its own nodes.
     edge = 10 * _SEAT
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     x = np.concatenate([edge * (nodes + 1) / 2, edge + (1 - edge) * (nodes + 1) / 2])
@@ -209,36 +209,36 @@ def stroke_time(actuator: Actuator, direction: int = 1) -> Floats:
 
 
 def _root(a: npt.ArrayLike, b: npt.ArrayLike, c: npt.ArrayLike) -> Floats:
-    """Return the positive s of a s^2 + b s = c, exact even where a or c is small."""
+    """Return the root s >= 0 of a s^2 + b s = c, accurate even where a or c is small."""
     return np.asarray(2 * np.asarray(c) / (b + np.sqrt(np.square(b) + 4 * np.multiply(a, c))))
 
 
 def _active_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
-    """Return the component of the motor's current that is in phase with its voltage."""
+    """Return the component of the motor's current that is in phase with its voltage [A]."""
     a = actuator
     torque = np.asarray(a.displacement) * pump_pressure / (2 * np.pi * a.pump_efficiency)
     return np.asarray((torque + a.friction) / a.torque_constant)
 
 
 def motor_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
-    """Return the current of the running motor: magnetising and active components in quadrature."""
+    """Return the running motor's current [A]: magnetising and active components in quadrature."""
     return np.asarray(np.hypot(actuator.no_load_current, _active_current(actuator, pump_pressure)))
 
 
 def electric_power(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
-    """Return the electric power of the running motor, computed from its active current."""
+    """Return the electric power of the running motor [W], including its no-load loss."""
     drawn = np.sqrt(3) * actuator.voltage * _active_current(actuator, pump_pressure)
     return np.asarray(drawn + actuator.no_load_loss)
 
 
 def losses(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
-    """Return the heat in motor and pump: the electric power not transferred to the oil."""
+    """Return the heat generated in motor and pump [W]: the power not transferred to the oil."""
     pressure = np.asarray(pump_pressure, float)
     given = np.asarray(actuator.displacement) * actuator.speed * pressure
     return np.asarray(electric_power(actuator, pressure) - given)
 
 
 def steady_temperature(actuator: Actuator) -> Floats:
-    """Return the steady-state temperature of the motor at its duty cycle."""
+    """Return the steady-state temperature of the motor at its duty cycle [degC]."""
     pressure = hydraulics(actuator, load_pressure(actuator, 0.5)).pump_pressure
     return actuator.ambient + actuator.duty * losses(actuator, pressure) / actuator.cooling

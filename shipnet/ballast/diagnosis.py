@@ -49,9 +49,9 @@ class Run:
     readings : ndarray of float, shape (n_times, 5, n_valves)
         FP, OP [bar], MC [A], OT [degC], VPos [%].
     speed : ndarray of float, shape (n_times, n_valves)
-        Absolute change of VPos within the last second [%/s].
+        Absolute mean speed of VPos since the latest reading at least 1 s old [%/s]; NaN if none.
     ran : ndarray of float, shape (n_times, n_valves)
-        Time for which the motor has been running in its present direction [s]; NaN while it is off.
+        Time since the present motor run began [s]; NaN while the motor is off.
     moving, active : ndarray of bool, shape (n_times, n_valves)
         True while the valve turns (`moving`), and while a command is in progress (`active`).
     opening : ndarray of float, shape (n_times, n_valves)
@@ -113,8 +113,8 @@ class Run:
     def strokes(self) -> pd.DataFrame:
         """Return one row per motor run that has ended.
 
-        Columns besides times and outcome: ``travel_percent``, the medians ``FP_bar`` and ``MC_A``,
-        and the maxima ``OP_max_bar`` and ``OT_max_degC`` while the motor ran.
+        Columns from the readings: ``travel_percent`` and, while the motor ran, the medians
+        ``FP_bar`` and ``MC_A`` and the maxima ``OP_max_bar`` and ``OT_max_degC``.
         """
         strokes = stroke_rows(self)
         rows = np.full((len(strokes), 5), np.nan)
@@ -149,7 +149,7 @@ class Run:
         return diagnose_run(self, rules, method=method, k=k, n=n, threshold=threshold)
 
     def plot(self, valve: int = 1, ax: Axes | None = None) -> Axes:
-        """Draw the sensors of a valve over time in percent of full scale, as in Figure 12."""
+        """Draw a valve's readings over time in percent of full scale, as in Figure 12."""
         ax = style.axes(ax)
         frame = self.valve(valve)
         ax.fill_between(
@@ -183,7 +183,7 @@ def stroke_rows(run: Run) -> pd.DataFrame:
 
 
 class Recorder:
-    """Records the sensors of a plant while other code advances its time."""
+    """Records a plant's sensor readings while other code advances the plant's time."""
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
@@ -191,7 +191,7 @@ class Recorder:
         self._first = len(plant.movements)
 
     def take(self) -> None:
-        """Record the present readings, once per instant."""
+        """Record the present readings; a second call at the same time does nothing."""
         plant = self.plant
         if self._rows and self._rows[-1][0] == plant.time:
             return
@@ -214,14 +214,14 @@ class Recorder:
 
 
 class Tail(NamedTuple):
-    """A copy of the last instants of a run, from which the diagnosis of the next run starts."""
+    """The last samples and active codes of a run, from which the next diagnosis starts."""
 
     samples: dict[str, Floats]
     active: Bools
 
 
 def rule_inputs(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Floats]:
-    """Return the values of the rules' variables; `any_time` includes DVPos outside commands."""
+    """Return the values of the rules' variables; with `any_time`, DVPos is always `run.speed`."""
     found = run.samples | {"Time": run.ran}
     found["DVPos"] = run.speed if any_time else np.where(run.active, run.DVPos, np.nan)
     unknown = [name for name in base.names if name not in found]
@@ -237,14 +237,15 @@ class Diagnosis:
 
     The `run` was diagnosed with the rules of `base`. `samples` are the values of each variable,
     shape (n_times, n_valves), NaN where it is not evaluated; `active` marks the active codes in the
-    order of ``base.codes``, shape (n_times, n_valves, n_rules). `before` and `tail` connect the
-    diagnoses of consecutive runs.
+    order of ``base.codes``, shape (n_times, n_valves, n_rules). `before` marks the codes
+    that were active just before the run; the diagnosis of the next run starts from `tail`.
 
     Notes
     -----
-    V2 fires if the position does not change. Except with ``crisp``, V2 is evaluated only during a
-    command, after the motor has run for a second; otherwise a healthy valve at rest would appear to
-    have a leaking piston. ``midpoint`` is equivalent to ``fuzzy`` with threshold 0.5.
+    V2 fires if OP is low and the position does not change. Except with ``crisp``, V2 is evaluated
+    only during a command, after the motor has run for a second; otherwise a healthy valve at rest
+    with the paper's OP of 2 bar would appear to have a leaking piston. ``midpoint`` is equivalent
+    to ``fuzzy`` with threshold 0.5.
 
     Examples
     --------
@@ -274,7 +275,7 @@ class Diagnosis:
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
-        """The active code with the highest priority, or ``normal``; shape (n_times, n_valves)."""
+        """Top active code, or ``normal`` (``unknown`` if all is NaN); shape (n_times, n_valves)."""
         silent = np.logical_and.reduce([np.isnan(self.samples[name]) for name in self.base.names])
         return self.base.top_codes(self.active, silent)
 
@@ -288,7 +289,7 @@ class Diagnosis:
 
     @cached_property
     def alarm_times(self) -> Floats:
-        """Times at which codes first became active [s], shape (n_valves, n_rules); NaN if never."""
+        """First time at which each code is active [s], shape (n_valves, n_rules); NaN if never."""
         if not self.time.size:
             return np.full(self.active.shape[1:], np.nan)
         return np.where(self.active.any(axis=0), self.time[self.active.argmax(axis=0)], np.nan)
@@ -306,7 +307,7 @@ class Diagnosis:
         )
 
     def commands(self) -> pd.DataFrame:
-        """Return the diagnosis of each command until 5 s after its end, one row per command."""
+        """Return one row per motor run: its diagnosis to 5 s after its end, or to the next run."""
         table = stroke_rows(self.run)[["valve", "action", "start_s", "end_s", "outcome"]].copy()
         found = np.zeros((len(table), len(self.base.codes)), bool)
         delay = np.full(len(table), np.nan)
@@ -326,7 +327,7 @@ class Diagnosis:
         return table
 
     def firing(self, valve: int) -> Firing:
-        """Return the firing strengths of one valve over time."""
+        """Return the firing strengths of all rules for one valve over time."""
         k = self._place(valve)
         return _fire(self.base, {name: x[:, k] for name, x in self.samples.items()}, self.method)
 
@@ -349,11 +350,11 @@ class Diagnosis:
         return np.asarray(self.active[:, self._place(valve), self._column(code)])
 
     def first_alarm(self, valve: int, code: str) -> float:
-        """Return the time at which a code first became active [s]; NaN if never."""
+        """Return the first time at which a code is active [s]; NaN if never."""
         return float(self.alarm_times[self._place(valve), self._column(code)])
 
     def n_alarms(self, valve: int, code: str | None = None) -> int:
-        """Return how often a code, or any code, became active."""
+        """Return how many times a code became active; None counts all codes."""
         mine = self.onset[:, self._place(valve)]
         return int(mine.sum() if code is None else mine[:, self._column(code)].sum())
 
@@ -449,8 +450,8 @@ def diagnose(
         Values of FP and OP [bar], MC [A], OT [degC], VPos [%] and DVPos [%/s] by name. NaN and
         omitted values count as missing; a rule that needs a missing value does not fire.
     method : {"fuzzy", "crisp", "midpoint"}, default "fuzzy"
-        How the rules are evaluated: with ramps, with comparisons as printed, or with comparisons in
-        the middle of the ramps.
+        How the rules are evaluated: with ramps, with the comparisons as printed, or by comparison
+        with the midpoints of the ramps.
     threshold : float, default 0.5
         Lowest firing strength at which a code is active, above 0 and up to 1.
     **values : float

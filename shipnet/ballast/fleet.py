@@ -31,11 +31,11 @@ BLOCK = 50
 
 _DAY = 86400.0
 
-#: Midnight before the first day.
+#: Midnight at the start of the first day.
 _EPOCH = np.datetime64("2026-01-01", "ms")
 
 #: Time of day by which all commands are given, so that no motor runs at midnight [s]; shortest time
-#: between commands [s]; and fraction of the valves that each command moves.
+#: between commands [s]; and probability that a command is given to a valve.
 _LAST, _APART, _SHARE = 82_800.0, 60.0, 0.9
 
 #: A fault appears at once or grows in steps: days of growth, number of steps, and days from full
@@ -85,7 +85,7 @@ class _History(NamedTuple):
                 yield Fault(code, severity, valve, start=start, stop=stop)
 
     def at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the index of the fault in `FAULTS`, or -1 if there is none, and its severity."""
+        """Return, for each time, the fault's index in `FAULTS` (-1 if none) and its severity."""
         starts, codes, severities = zip(*self.steps, strict=True)
         known = list(FAULTS)
         places = np.array([known.index(code) if code else -1 for code in codes])
@@ -107,7 +107,7 @@ def _orders(block: _Block, day: int, rng: np.random.Generator) -> list[Command]:
 def _days(
     block: _Block, plant: Plant, rng: np.random.Generator
 ) -> Iterator[tuple[int, Run, Diagnosis]]:
-    """Simulate and diagnose each day from midnight to the last reading before the next midnight."""
+    """Yield each day's number, run and diagnosis; a run ends 1 s before the next midnight."""
     earlier = None
     pause = max(round(block.idle_step / plant.step), 1)
     size = 2 * round(_DAY / plant.step / pause) + 1000 * (block.strokes + 1)
@@ -171,7 +171,7 @@ def _written(block: _Block, rng: np.random.Generator) -> dict[str, int]:
 
 
 class _Writer:
-    """Writes the tables of a block as complete files marked as synthetic."""
+    """Writes each table of a block atomically, to a file that is marked as synthetic."""
 
     def __init__(self, block: _Block) -> None:
         from shipnet import __version__
@@ -187,7 +187,7 @@ class _Writer:
         about = {name: str(value) for name, value in self._about.items()}
         made = made.replace_schema_metadata({**made.schema.metadata, **about})
         path = Path(self._block.folder, *folders, f"block-{self._block.number:04d}.parquet")
-        # The times of a valve are evenly spaced; the other columns have few distinct values.
+        # The intervals between times have few distinct values, and so do the other columns.
         others = [name for name in made.column_names if name != "time"]
         steps = {"time": "DELTA_BINARY_PACKED"} if "time" in made.column_names else None
         write = partial(self._parquet.write_table, made, compression="zstd")
@@ -208,7 +208,7 @@ def write_fleet(
     client: Any = None,
     progress: bool | Progress | None = None,
 ) -> pd.DataFrame:
-    """Simulate months of a fleet with faults, and write labelled Parquet files for each day.
+    """Simulate a fleet with faults over months, and write labelled Parquet files for each day.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ def write_fleet(
         Folder for the files. After an interruption, the same call resumes; a call with other
         arguments is refused.
     valves : int, default 1000
-        Number of valves, 1..100000; one worker simulates a block of 50.
+        Number of valves, 1..100000; each task simulates a block of up to 50.
     days : int, default 365
         Number of days, 1..3650.
     faults_per_year : float, default 2
@@ -238,19 +238,19 @@ def write_fleet(
     Raises
     ------
     InputError
-        If the folder cannot be written, or contains another fleet.
+        If the folder cannot be written to, or contains another fleet.
     ImportError
         If pyarrow is not installed: ``pip install "shipnet[cluster]"``.
 
     Notes
     -----
     ``samples/day=2026-01-01/block-0000.parquet`` has one row per valve and reading: ``valve``,
-    ``time`` in UTC, the channels with their units, whether the motor is ``running`` and a command
-    ``active``, and the truth: ``label`` (code of the present fault, or empty) and ``severity``
-    (0..1). ``strokes/`` has one row per motor run, with the diagnosis by the rule table;
-    ``faults/`` has one row per fault: its start, the duration of its growth (in five steps), and
-    its repair. Every file states in its metadata that it is synthetic: finding these faults
-    verifies a method but does not validate it.
+    ``time`` in UTC, one column per sensor, such as ``FP_bar``, whether the motor is ``running`` and
+    a command is ``active``, and the truth: ``label`` (code of the present fault, or empty) and
+    ``severity`` (0..1). ``strokes/`` has one row per motor run, with the diagnosis by the rule
+    table; ``faults/`` has one row per fault: its start, the duration of its growth (in five steps),
+    and its repair. Every file states in its metadata that it is synthetic: finding these faults
+    verifies the code of a method but does not validate the method.
 
     Examples
     --------

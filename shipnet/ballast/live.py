@@ -49,7 +49,7 @@ class _Image(ValveRegisters):
         raise DeviceError(ExceptionCode.GATEWAY_TARGET_FAILED_TO_RESPOND)
 
     def command(self, value: int, time: float) -> None:
-        """Forward a command to the slave, and raise the exception that it returns, if any."""
+        """Forward a command to the slave; raise its exception, or exception 11 if it is silent."""
         response = self.station.write(value, self.unit).response
         if not response:
             raise DeviceError(ExceptionCode.GATEWAY_TARGET_FAILED_TO_RESPOND)
@@ -58,7 +58,7 @@ class _Image(ValveRegisters):
 
 
 def gateway(station: Station) -> dict[int, Slave]:
-    """Return the valves as slaves through which the master answers a PC; kim2014, section 3.5."""
+    """Return the valves as slaves through which the master serves a PC; kim2014, section 3.5."""
     # The paper does not say whether the master polls the slave when the PC asks. Here the master
     # responds from memory, because its scans keep the line busy.
     return {unit: Slave(_Image(station, unit), functions={4, 6}) for unit in station.slaves}
@@ -67,7 +67,7 @@ def gateway(station: Station) -> dict[int, Slave]:
 #: Number of slaves in Figure 15, the slave with the tank, and the slave with the fault simulator.
 N_SLAVES, _TANK, _SIMULATOR = 5, 3, 5
 
-#: Time in which a healthy valve opens or closes; row 0 of the rule table [s].
+#: Time within which a healthy valve opens or closes [s]; row 0 of the rule table.
 _STROKE = 10.0
 
 #: Time for which a valve is observed after its stroke [s], and the tolerance of a position [%].
@@ -147,13 +147,13 @@ class TestBed:
         return device
 
     def wait(self, duration: float) -> None:
-        """Advance time [s] while the master scans, the tank fills and the sensors are recorded."""
+        """Let `duration` [s] pass: the master scans, the tank fills, and readings are recorded."""
         end, plant = self.time + check_scalar("duration", duration, "s", 0, 1e8), self.plant
         while self.time < end:
             self.recorder.take()
             before, since = plant.opening[_TANK - 1], plant.time
             self.station.run_until(min(self.time + plant.step, end))
-            # Up to 0.01 m3/s flows into a tank of 0.2 m2.
+            # Up to 0.01 m3/s flows into the tank, which has a base area of 0.2 m2.
             opening = (before + plant.opening[_TANK - 1]) / 2
             self.level += 0.01 * (1 - cos(pi * opening / 2)) * (plant.time - since) / 0.2
         self.recorder.take()
@@ -204,9 +204,9 @@ def acceptance_tests(*, bit_rate: float = 9600.0, rng: Any = None) -> pd.DataFra
     Notes
     -----
     The paper says that all tests passed, but prints neither the steps nor the criteria; we chose
-    them. A fault counts as found if its code is among those active after the command: the rules are
-    nested, so other codes may be active too. The slave's status contains only one code; the step
-    passes if this is the fault's code, or the code of a rule that implies it.
+    them. A fault counts as found if its code is active at any time in the test: the rules are
+    nested, so other codes may be active too. The slave's status contains only one code; its step
+    passes if this is the fault's code, or that of a rule that fires only if the fault's rule fires.
 
     Examples
     --------
@@ -222,7 +222,7 @@ def acceptance_tests(*, bit_rate: float = 9600.0, rng: Any = None) -> pd.DataFra
 
 
 def _manual(make: Callable[..., TestBed]) -> Iterator[Step]:
-    """Move every valve by its switches, while the master's commands are refused."""
+    """Move every valve with its switches, and check that it refuses a command from the master."""
     bed = make()
     for unit in range(1, N_SLAVES + 1):
         device = bed.device(unit)
@@ -231,14 +231,14 @@ def _manual(make: Callable[..., TestBed]) -> Iterator[Step]:
         bed.wait(_STROKE + _SETTLE / 2)
         yield _at(f"S{unit} opened by switch", bed.position(unit), 100)
         refused = bed.command(unit, "close")
-        yield _same(f"S{unit} closed by the master", "server device failure", refused)
+        yield _same(f"command S{unit} to close", "server device failure", refused)
         device.turn("close", bed.time)
         bed.wait(_STROKE / 2)
         device.turn("stop", bed.time)
         bed.wait(_SETTLE / 2)
         held = bed.position(unit)
         bed.wait(_SETTLE)
-        yield _at(f"S{unit} stopped on its way", bed.position(unit), held)
+        yield _at(f"S{unit} stopped in mid-stroke", bed.position(unit), held)
         device.turn("close", bed.time)
         bed.wait(_STROKE)
         yield _at(f"S{unit} closed by switch", bed.position(unit), 0)
@@ -309,7 +309,7 @@ def _diagnosis_of(make: Callable[..., TestBed], code: str | None) -> Iterator[St
     said = " ".join(found) or NORMAL
     step = f"{FAULTS[code][0]} ({code})" if code else "nothing wrong"
     yield Step(step, expected, said, expected in said.split())
-    # The slave also detects the fault itself, and reports its row of the rule table.
+    # The slave also diagnoses its own valve, and reports one row of the rule table.
     seen = bed.screen()[_SIMULATOR]
     shown = f"fault {seen['fault']}" if seen["state"] == "fault" else str(seen["state"])
     right = [f"fault {row}" for row in _rows(base, code)] if code else ["open"]
@@ -350,7 +350,7 @@ def serve(
     n_valves : int, default 64
         Number of valves, 1..247; their unit ids start at 1.
     faults : Fault or iterable of Fault, optional
-        Faults of the valves, in simulated time.
+        Faults of the valves; they begin and end at simulated times.
     speed : float, default 1
         Simulated seconds per real second, 0..1e4.
     rng : Generator, int or None, optional
@@ -532,7 +532,7 @@ class Client:
     def command(self, valve: int, action: str | float) -> str:
         """Command a valve: ``open``, ``close``, ``manual``, ``auto`` or a position, 0..100 [%].
 
-        Return a sentence that says what was done, or why the valve refused.
+        Return, as text, the command that was accepted, or why the valve refused it.
         """
         unit = check_whole("valve", valve, 1, MAX_UNIT)
         request = Request.write_single_register(
@@ -562,14 +562,14 @@ class Client:
         return self.read().screen
 
     def status(self, valve: int) -> pd.Series:
-        """Read one valve and return its values as text with units."""
+        """Read all valves and return the values of one as text with units."""
         unit = check_whole("valve", valve, 1, self.n_valves)
         return pd.Series(self.read().numbers(unit), name=f"valve {unit}", dtype=object)
 
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """Responses: `rows`, one per valve, has the columns of `Status.table`; NaN if none arrived."""
+    """Values by valve: `rows` has the columns of `Status.table`, NaN for a valve that sent none."""
 
     rows: pd.DataFrame
 
@@ -580,7 +580,7 @@ class Readout:
         return Screen.of(self.rows, silent=silent, age=np.where(silent, np.inf, 0.0), time=0.0)
 
     def numbers(self, valve: int) -> dict[str, str]:
-        """Return the values of one valve as text with units; empty if it did not respond."""
+        """Return the values of one valve as text with units; empty if it sent none."""
         row = self.rows.loc[valve]
         if pd.isna(row["fault"]):
             return {}

@@ -1,7 +1,7 @@
 """The master: it scans its valves, sends commands between polls, and shows what it received.
 
 All data pass through the slaves' registers, and each transfer takes as long as its frames on the
-line. `shipnet.modbus` provides the two ports and their faults.
+line. `shipnet.modbus` simulates the two ports, and faults of ports, cables and slaves.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ _NUMBERED = 20
 #: A valve within this distance of an end counts as open or closed [%]; our assumption.
 _END = 1.0
 
-#: Current from which a motor counts as running [A]; one step of the register may be noise.
+#: Lowest current at which a motor counts as running [A]; one step of the register may be noise.
 LEAST_CURRENT = 0.15
 
 
@@ -94,8 +94,8 @@ class Screen:
     ----------
     shown : pandas.DataFrame
         Indexed by ``valve``: ``position_percent`` and ``age_s`` (NaN and inf before the first
-        status), ``fault`` as the slave reports it, and ``state``. A valve is silent if it did not
-        respond to the last request.
+        status), ``fault`` as the slave reports it (0 if none), and ``state``. A valve is silent
+        if it did not respond to the last request.
     time : float
         Time [s].
 
@@ -147,7 +147,7 @@ class Screen:
     ) -> Axes:
         """Draw one bar per valve, coloured by its state; the selected bar is framed.
 
-        Bars that are wide enough show the position and the number of the valve.
+        With at most 20 bars per row, each bar also shows its valve's position [%] and number.
         """
         ax = style.axes(ax)
         units = self.shown.index.to_numpy()
@@ -202,7 +202,7 @@ class MasterRun:
 
     Examples
     --------
-    A master with 50 valves at 9600 bit/s opens valve 7; the position shown is up to a scan old:
+    A master with 50 valves at 9600 bit/s opens valve 7; its screen lags by up to about a scan:
 
     >>> from shipnet.ballast.scan import System, status_poll
     >>> from shipnet.ballast.simulation import simulate
@@ -237,7 +237,7 @@ class MasterRun:
         return pd.DataFrame(rows, columns=["unit", "value", "sent_s", "free_s", "outcome"])
 
     def ages(self, times: npt.ArrayLike) -> Floats:
-        """Return the age of the status shown for each valve, shape (n_times, n_valves) [s]."""
+        """Return the ages of the statuses shown, shape (n_times, n_valves) [s]; inf if none."""
         looked = np.atleast_1d(np.asarray(times, float))
         last = self._last(looked)
         read = np.append(self.answers["read_s"], -np.inf)
@@ -245,7 +245,7 @@ class MasterRun:
 
     @property
     def oldest(self) -> float:
-        """Greatest age of any valve's status while it was shown [s]."""
+        """Greatest age of any status while it was shown [s]; inf if a valve has none."""
         shown = self.answers[["unit", "read_s", "shown_s"]]
         if shown["unit"].nunique() < self.n_valves:
             return inf
@@ -261,7 +261,7 @@ class MasterRun:
         return Screen.of(rows, silent=self._silent(at), age=self.ages([at])[0], time=at)
 
     def received(self, valve: int) -> Run:
-        """Return the readings of one valve as the master received them, one instant per scan.
+        """Return the readings of one valve as the master received them, one instant per status.
 
         The last command counts as active while the current shows that the motor runs and the
         commanded position has not been reached.
@@ -322,9 +322,9 @@ class Station(Master):
     """A master with two ports, its line and the valves on it; time only moves forward."""
 
     # Section 3.3 of the paper: the command goes out between two polls, and the scan continues after
-    # its echo. Our assumptions: a command is sent once, through the port that serves the slave,
-    # because without a response the master does not know whether the valve moves; the slave takes
-    # its readings at the end of the request.
+    # its echo. Our assumptions: a command is sent only once, because without a response the
+    # master does not know whether the valve moves; it goes through the port that serves the slave.
+    # The slave takes its readings at the end of the request.
     def __init__(self, plant: Plant, faults: Iterable[Fault] = ()) -> None:
         self.plant, system = plant, plant.system
         super().__init__(system.loop, tuple(faults))
@@ -397,7 +397,7 @@ class Station(Master):
         return True
 
     def _holds(self, start: float, end: float, unit: int, port: int) -> bool:
-        """Return whether the path is intact; an unreachable slave is polled through port A."""
+        """Return whether the path is intact; commands to a lost slave go through port A."""
         return self.paths.hold(start, end, unit - 1, A if port == LOST else port)
 
 

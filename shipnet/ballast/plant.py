@@ -1,8 +1,8 @@
 """Valves with their commands and faults, simulated step by step.
 
 The effects of a fault are our assumption: the paper describes the symptoms, not the defect. At
-severity 1 the effects satisfy the rule of the fault, so a diagnosis that finds the fault verifies
-the code, not the rules.
+severity 1 the effects satisfy the rule of the fault, so a correct diagnosis verifies the code, but
+not the rules.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ from shipnet.fields import (
 #: The commands other than a position.
 ACTIONS = ("open", "close", "stop")
 
-#: Time between the commands of two groups [s]: longer than the longest motor run.
+#: Time between the commands of consecutive groups [s]: longer than the default `motor_time`.
 _GROUP_PAUSE = 30.0
 
-#: A valve this close to the commanded position does not start [%]; our assumption.
+#: Difference from the commanded position up to which a valve does not start [%]; our assumption.
 DEAD_BAND = 0.5
 
 #: Row indices of temperature and position in the readings.
@@ -55,7 +55,7 @@ _OT, _VPOS = 3, 4
 
 
 def _numbers(valves: int | Iterable[int] | None) -> tuple[int, ...] | None:
-    """Return the numbers of valves as a tuple; None means all."""
+    """Return one or more valve numbers as a tuple; None, for all valves, is returned unchanged."""
     if valves is None:
         return None
     many = valves if isinstance(valves, Iterable) else (valves,)
@@ -73,8 +73,8 @@ def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
 class Command:
     """A command to one or more valves.
 
-    The `action` is ``open``, ``close``, ``stop`` or a position to go to, 0..100 [%]; `valves` are
-    numbers from 1, and None means all.
+    The `action` is ``open``, ``close``, ``stop`` or a position to go to, 0..100 [%]. `valves` is
+    one or more valve numbers, counted from 1; None means all valves.
 
     Examples
     --------
@@ -119,11 +119,11 @@ class Command:
         group: int = 16,
         rng: Any = None,
     ) -> list[Command]:
-        """Return a random plan in which all valves open and close in turn, one group at a time.
+        """Return a random plan in which all valves alternately open and close, one group at a time.
 
         Each valve gets `operations` commands up to the time `until` [s]. Groups of `group` valves
-        start 30 s apart: while any motor runs, all valves are read at 10 Hz, so motors should run
-        together. The paper prints no plan; this one is our assumption.
+        start 30 s apart. While any motor runs, all valves are read at 10 Hz by default, so a plan
+        in which motors run together is simulated faster. The paper prints no plan; this is ours.
         """
         valves = check_whole("n_valves", n_valves, 1, 10_000)
         times = check_whole("operations", operations, 1, 1000)
@@ -196,9 +196,9 @@ _SENSORS = {channel.name: place for place, channel in enumerate(CHANNELS)}
 class Fault(TimedFault):
     """A fault of one or more valves.
 
-    The `valves` are numbers from 1, and None means all. When a fault ends, a valve stays where the
-    fault left it. A motor without cooling from time 0 starts as warm as earlier strokes would have
-    made it.
+    `valves` is one or more valve numbers, counted from 1; None means all valves. When a fault ends,
+    a valve stays where the fault left it. A motor whose cooling is already faulty at time 0 starts
+    at the temperature that it would have reached over earlier strokes.
 
     Examples
     --------
@@ -260,7 +260,7 @@ class Fault(TimedFault):
         """Return faults that begin at random times up to `until` [s], each on a different valve.
 
         The numbers of faults per code differ by at most one. `severity` is one value for all
-        faults, or the lowest and the highest value, 0..1.
+        faults, 0..1, or the range (lowest, highest) from which each value is drawn.
         """
         valves = check_whole("n_valves", n_valves, 1, 10_000)
         count = check_whole("n_faults", n_faults, 0, valves)
@@ -280,7 +280,7 @@ class Fault(TimedFault):
 
 
 def faulty(actuator: Actuator, faults: Iterable[Fault], n_valves: int) -> tuple[Actuator, Floats]:
-    """Return an actuator with faults, and the offsets of its sensors."""
+    """Return the actuator with the faults applied, and the sensor offsets, shape (5, n_valves)."""
     n = check_whole("n_valves", n_valves, 1, 10_000)
     offsets = np.zeros((len(CHANNELS), n))
     numbers: dict[str, Any] = {}
@@ -310,12 +310,12 @@ class Movement(NamedTuple):
 
 
 class Plant:
-    """The valves at the present time, which only moves forward.
+    """The valves at the present time, which can only advance.
 
     The state of a valve is its opening and its motor temperature. Commands and faults take effect
     at the first reading at or after their time. Between two readings a valve turns at its mid-step
     speed, and it stops exactly at its target, not at the next reading. Limit switches act at the
-    true ends; a commanded position is compared with the reading of the potentiometer.
+    true ends of travel; a commanded position is compared with the potentiometer reading.
     """
 
     def __init__(self, system: System | int = 1, faults: Any = (), rng: Any = None) -> None:
@@ -393,7 +393,7 @@ class Plant:
             self._action[valve] = command.kind
 
     def measure(self) -> Floats:
-        """Read the sensors; each reading draws random noise."""
+        """Read the sensors; if there is an `rng`, each reading has new random noise."""
         self.ran = np.where(self.running, self.ran + (self._measured != self.tick), 0)
         self.readings = self.sensors.read(self._truth() + self._offsets, self._rng)
         self._measured, self._stale = self.tick, False
@@ -402,7 +402,7 @@ class Plant:
         return self.readings
 
     def advance(self, ticks: int = 1) -> None:
-        """Advance time, at most one tick while a motor runs; stop motors at their targets."""
+        """Advance time by `ticks` (1 while a motor runs); stop motors at their targets."""
         heat: npt.ArrayLike = 0.0
         if self._busy:
             if self._stale or self._measured != self.tick:
@@ -413,7 +413,7 @@ class Plant:
         self._pass(ticks)
 
     def rest(self, count: int, ticks: int) -> Floats:
-        """Read the sensors repeatedly while nothing happens."""
+        """Return `count` readings, `ticks` apart, while no motor runs and no fault changes."""
         truth = np.repeat((self._truth() + self._offsets)[np.newaxis], count, axis=0)
         aim, fading = self._cooling(ticks, 0.0)
         for row in truth:
@@ -425,7 +425,7 @@ class Plant:
         return readings
 
     def _cooling(self, ticks: int, heat: npt.ArrayLike) -> tuple[Floats, Floats]:
-        """Return the final temperatures, and the remaining fraction of the difference from them."""
+        """Return the final temperatures, and the fraction of the gap to them left after `ticks`."""
         cooling = np.asarray(self._actuator.cooling)
         aim = np.asarray(self._actuator.ambient + heat / cooling)
         return aim, np.exp(-cooling * (ticks * self.step) / self._actuator.heat_capacity)

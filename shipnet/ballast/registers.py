@@ -34,7 +34,7 @@ CODE_READINGS = {
 
 
 class Code(Enum):
-    """The commands in a register, by their names in Table 2."""
+    """The commands in the command register, by their names in Table 2."""
 
     MANUAL = "Manual"
     AUTO = "Auto"
@@ -83,7 +83,7 @@ SCALES = (
 def whole_steps(
     values: Floats, highest: npt.ArrayLike, missing: npt.ArrayLike | None = None
 ) -> tuple[Integers, Bools]:
-    """Return values as whole numbers clipped to the range, and a mask of those outside it."""
+    """Return values rounded and clipped to 0..`highest`, and a mask of those outside or NaN."""
     unknown = np.isnan(values)
     rounded = np.rint(np.where(unknown, highest, values))
     kept = np.minimum(np.maximum(rounded, 0), highest)
@@ -100,7 +100,7 @@ _TIME_STEP = 0.1
 #: Step of each reading, shape (5, 1).
 _STEPS = np.array([[scale.step] for scale in SCALES])
 
-#: Largest number of steps, and value sent for NaN, per reading and for the operating time.
+#: Largest number of steps, and value sent for NaN, for each reading and the operating time.
 _HIGHEST = {last: np.array([[HIGHEST]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
 _MISSING = {last: np.array([[MISSING]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
 
@@ -244,7 +244,7 @@ class RegisterMap:
         return pd.DataFrame(rows, columns=columns).set_index("channel")
 
     def decode_command(self, value: int) -> tuple[Code, int]:
-        """Return the command in a register, and its position [%]."""
+        """Return the command encoded in a register value, and its position [%]; 0 if none."""
         word = check_whole("value", value, 0, 0xFFFF)
         position, number = word >> 8, word & 0xFF
         meant = {known: code for code, known in command_codes().items()}

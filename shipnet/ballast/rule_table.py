@@ -16,7 +16,7 @@ from shipnet.lazy import pd
 #: The versions of the test values, and their names in the data file.
 VERSIONS = {"printed": "printed", "corrected": "meant"}
 
-#: Choices for the value of a sensor that a row does not print.
+#: Choices for a sensor value that a row does not print.
 FILLS = ("absent", "normal", "physical")
 
 
@@ -89,21 +89,21 @@ def _rows(name: str) -> list[dict[str, str]]:
 
 @checked
 def rule_vectors(version: str = "corrected", *, fill: str = "absent") -> pd.DataFrame:
-    """Return the test values that kim2014 uses for its rules.
+    """Return the values with which kim2014 tests its rules.
 
     Parameters
     ----------
     version : {"corrected", "printed"}, default "corrected"
         With the misprints corrected, or as printed.
     fill : {"absent", "normal", "physical"}, default "absent"
-        Reading of a sensor whose value a row does not print: none, its normal value, or its value
+        Reading of a sensor whose value a row does not print: NaN, its normal value, or its value
         in the state of the plant that the row describes.
 
     Returns
     -------
     pandas.DataFrame
-        One row per test, indexed by the code that the paper names, for
-        `shipnet.fuzzy.RuleBase.check`; one column per variable, NaN where it is missing.
+        One row per test, indexed by the code that the paper expects, as input for
+        `shipnet.fuzzy.RuleBase.check`; one column per variable, NaN if its value is missing.
 
     Examples
     --------
@@ -134,6 +134,6 @@ def _numbers(text: pd.DataFrame) -> pd.DataFrame:
 
 
 def _holds(base: RuleBase, term: str, table: pd.DataFrame) -> Bools:
-    """Return a mask of the rows in which a term holds as printed."""
+    """Return a mask of the rows that satisfy the printed comparison of a term."""
     condition = RuleBase(base.variables, (Rule("condition", term, 1),))
     return condition.fire(table, "crisp").strength[:, 0] > 0

@@ -147,8 +147,8 @@ class System:
         """Return the scan times, one row per bit rate.
 
         ``scan_s`` is the scan time of the master with the most valves, ``worst_age_s`` the greatest
-        age of a shown position, and ``valves_in_2_s`` the number of valves that a master updates
-        within the 2 s in which DNV-OS-D202 requires a full screen.
+        age of a shown position, and ``valves_in_2_s`` the number of valves that a master can update
+        within 2 s, the limit of DNV-OS-D202 for a fully updated screen.
         """
         given = self.poll if self.poll is not None else status_poll()
         masters = -(-self.n_valves // MAX_UNIT)

@@ -1,4 +1,4 @@
-"""The channels and sensors of a valve's slave, and the speed of the position.
+"""The channels and sensors of a valve's slave, and the speed at which the position changes.
 
 The paper prints no units; we inferred bar, bar, A, degC and percent (claim kim2014-038).
 """
@@ -41,7 +41,7 @@ WINDOW = 1.0
 
 
 def position_speed(time: Floats, position: Floats) -> Floats:
-    """Return the absolute change of the position per second, averaged over the window."""
+    """Return the absolute speed of the position over the window [%/s]; NaN in the first window."""
     then = np.searchsorted(time, time - WINDOW + 1e-9) - 1
     speed = np.full(position.shape, np.nan)
     known = then >= 0
@@ -61,7 +61,7 @@ _NAMES = tuple(channel.name for channel in CHANNELS)
 @checked
 @record
 class Sensors:
-    """The sensors of a slave, in the order FP, OP, MC, OT, VPos and in their units.
+    """The sensors of a slave, in the order and the units of `CHANNELS`: FP, OP, MC, OT, VPos.
 
     Parameters
     ----------

@@ -68,8 +68,8 @@ def simulate(
     until : float
         End time, 0..1e8 [s]; with a master 0..1e5 [s].
     idle_step : float, optional
-        Time between two readings while no motor runs, `step`..3600 [s]; the system's value if
-        omitted. It applies only without a master.
+        Time between two readings while no motor runs, from the system's `step` (the default) to
+        3600 [s]. It applies only without a master.
     rng : Generator, int or None, optional
         Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
 
@@ -118,7 +118,7 @@ def simulate_valves(
 def record(
     plant: Plant, orders: list[Command], events: list[int], last: int, pause: int, size: int
 ) -> Iterator[Run]:
-    """Advance the plant to its last tick; yield its readings in runs of up to `size` instants."""
+    """Advance the plant to tick `last`; yield its readings in runs of up to `size` instants."""
     n, window = plant.n_valves, ceil(WINDOW / plant.step - 1e-6)
     before, since = np.empty((0, n)), np.empty(0)
     due = given = 0

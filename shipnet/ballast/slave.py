@@ -1,6 +1,6 @@
 """A valve as a Modbus slave: registers, switches, diagnosis and watchdog.
 
-Each request includes the simulated time, so the slave works in a real server and in simulations.
+The methods of a slave take the simulated time, so it works in a real server and in simulations.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _LEAST, _WINDOW = 3, 5
 
 
 class Monitor:
-    """Applies the rules to every reading of a plant's sensors, for all valves together."""
+    """A monitor that applies the rules to every reading of a plant, for all valves together."""
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
@@ -45,7 +45,7 @@ class Monitor:
         plant.watchers.append(self._look)
 
     def row(self, valve: int) -> int:
-        """Return the row of the highest-ranked code that was found; 0 if there is none."""
+        """Return the rule-table row, from 1, of the highest-ranked code found; 0 if none."""
         found = self.found[valve, self._ranked]
         return int(self._ranked[found.argmax()]) + 1 if np.count_nonzero(found) else 0
 
@@ -56,7 +56,7 @@ class Monitor:
             fired[valve] = False
 
     def _look(self) -> None:
-        """Apply the rules to the present reading; it replaces an earlier one with the same time."""
+        """Apply the rules to the present reading; any earlier reading at this time is replaced."""
         plant = self.plant
         if self._places and self._places[-1][0] == plant.time:
             self._places.pop()
@@ -108,20 +108,20 @@ class ValveRegisters:
         self.command(values[0], time)
 
     def status(self, time: float) -> Sequence[int]:
-        """Return the four status registers at a time."""
+        """Return the four status registers at the given time [s]."""
         raise NotImplementedError
 
     def command(self, value: int, time: float) -> None:
-        """Carry out the command in a register."""
+        """Carry out the command encoded in a register value."""
         raise NotImplementedError
 
 
 class ValveDevice(ValveRegisters):
     """One valve of a plant as a device for `shipnet.modbus.server`."""
 
-    # Figures 9 and 10 of the paper: the master commands in auto mode, the switches in manual mode,
-    # and a write starts the motor. Our interpretation: the slave responds to the write when the
-    # movement starts, and after the code Manual it refuses every movement.
+    # Figures 9 and 10 of the paper: the master controls the valve in auto mode, the switches do so
+    # in manual mode, and a write starts the motor. Our interpretation: the slave responds to the
+    # write when the movement starts, and after the code Manual it refuses every code except Auto.
     def __init__(self, plant: Plant, valve: int = 0, monitor: Monitor | None = None) -> None:
         self.plant = plant
         self.valve = check_whole("valve", valve, 0, plant.n_valves - 1)
@@ -145,7 +145,7 @@ class ValveDevice(ValveRegisters):
         return [int(word) for word in packed.registers[0]]
 
     def command(self, value: int, time: float) -> None:
-        """Carry out the command in a register, if the mode allows it."""
+        """Carry out the command encoded in a register value, if the mode allows it."""
         try:
             code, position = self.registers.decode_command(value)
         except (FieldError, ArgumentError):

@@ -45,8 +45,8 @@ _STEADY, _INNER = (0.2, 0.8), (0.25, 0.8)
 #: the logarithm [count], because a quiet point may have the value 0.
 _NEAR, _FLOOR = 17, 0.3
 
-#: A limit is the largest of the healthy actuators' quantiles; above it a term rises to 1 within a
-#: width chosen on the shipped recording.
+#: A limit is the largest of the healthy actuators' quantiles. Above it, a term rises to 1 within a
+#: width that we chose with the shipped recording.
 _QUANTILE = 0.98
 _RULES = {
     "B1": ("burst_1", 3.0, 0.1, "Gear", "burst of acceleration 1"),
@@ -56,7 +56,7 @@ _RULES = {
 }
 
 #: A function of two tables, the known strokes and the strokes to judge. It returns a mask of the
-#: latter that selects those to report.
+#: second table, True for each stroke to report.
 Judge = Callable[["pd.DataFrame", "pd.DataFrame"], npt.ArrayLike]
 
 
@@ -109,13 +109,14 @@ class Strokes:
         """Return one row of features per stroke, in points and raw counts.
 
         ``opening`` is True if the angle rose. ``dead_time`` lasts until 2 % of the travel,
-        ``stroke_time`` from 5 to 95 %. The features from 20 to 80 % are ``moving_difference``, the
-        median difference between the chamber pressures; the ``roughness`` of the speed; and the
-        median of each ``vibration``, a decimal logarithm. A ``burst`` is the largest excess of the
-        vibration over its surroundings between 25 and 80 %; it occurs at ``burst_place``. The
-        features at rest are ``holding_pressure``, its ``decay``, and ``supply_ripple``.
-        ``flow_opening`` and ``flow_closing`` are the speed divided by the square root of the
-        pushing chamber's pressure at points 150 to 199, NaN in the other direction.
+        ``stroke_time`` from 5 to 95 %. From 20 to 80 %, ``moving_difference`` is the median
+        absolute difference between the chamber pressures, ``roughness`` the standard deviation of
+        the change of speed, divided by the speed, and each ``vibration`` the median logarithm (base
+        10) of an acceleration. A ``burst`` is the largest excess of this logarithm over its running
+        median from 25 to 80 %; ``burst_1`` occurs at the fraction ``burst_place`` of the travel. At
+        rest, the features are ``holding_pressure``, its ``decay``, and ``supply_ripple``.
+        ``flow_opening`` and ``flow_closing`` are the speed divided by the square root of the mean
+        pressure of the pushing chamber at points 150 to 199; NaN in the other direction.
         """
         return self._features.copy()
 
@@ -205,14 +206,14 @@ class Strokes:
         """Return how many strokes of each actuator are reported by rules fitted without it.
 
         Limits come from the healthy actuators of `reference`, by default the shipped recording,
-        except the one under test. `judges` are other methods by name: each is called once per
-        actuator and returns a mask of strokes to report. Its arguments are the features of all
-        other actuators of `reference`, healthy or not, and those of the actuator's own strokes.
+        except the one under test. `judges` maps names of other methods to functions. Each is called
+        once per actuator and condition, with the features of all other actuators of `reference`,
+        healthy or not, and those of the strokes to judge; it returns a mask of those to report.
 
         Indexed by ``method``, ``report`` (a flag of the rules, or any), ``actuator`` and
         ``condition``. Columns: the number of ``strokes``, how many were ``reported``, and the
         fraction ``rate`` with its 95 % interval, ``low`` to ``high``. For healthy strokes the rate
-        is the false alarm rate. A stroke without movement is reported.
+        is the false alarm rate. The rules report a stroke without movement, but only under ``any``.
         """
         others = dict(judges or {})
         source = reference if reference is not None else _shipped()
@@ -231,7 +232,7 @@ class Strokes:
                 if found.shape != (len(tested),) or found.dtype != bool:
                     raise ArgumentError(
                         f"judges[{method!r}] returned the shape {found.shape} and the type "
-                        f"{found.dtype}; expected {len(tested)} bool"
+                        f"{found.dtype}; expected one bool for each of {len(tested)} strokes"
                     )
                 reports[method, "any"] = found
             rows += [
@@ -252,9 +253,9 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
     Parameters
     ----------
     path : path, optional
-        An ``.npz`` file in the form of the shipped recording, which is read if omitted: ``values``
-        of shape (strokes, 600, 7), the names of its ``channels``, and for each stroke the
-        ``actuator``, its ``condition`` (``healthy`` or a fault) and the number of the ``stroke``.
+        An ``.npz`` file in the form of the shipped recording (the default): ``values`` of shape
+        (strokes, 600, 7), the names of their ``channels``, and for each stroke the ``actuator``,
+        its ``condition`` (``healthy`` or a fault) and the number of the ``stroke``.
 
     Returns
     -------
@@ -280,7 +281,7 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
 
     Examples
     --------
-    Percentage of strokes reported by rules that were fitted without that actuator:
+    Percentage of each actuator's strokes that are reported by rules fitted without it:
 
     >>> strokes = read_strokes()
     >>> fuzzy = strokes.scores().loc["fuzzy", "any"]
@@ -302,13 +303,13 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
         )
     if values.dtype.kind == "f" and not np.isfinite(values).all():
         place = np.argwhere(~np.isfinite(values))[0].tolist()
-        raise InputError(str(file), f"values{place} is {values[tuple(place)]}; expected a number")
+        raise InputError(str(file), f"values{place} is {values[tuple(place)]}; it must be finite")
     for key, kind in (("actuator", "U"), ("condition", "U"), ("stroke", "iu")):
         if held[key].shape != (n,) or held[key].dtype.kind not in kind:
             raise InputError(
                 str(file),
                 f"{key} has the shape {held[key].shape} and the type {held[key].dtype}; expected "
-                f"one {'text' if kind == 'U' else 'whole number'} for each of {n} strokes",
+                f"one {'string' if kind == 'U' else 'whole number'} for each of {n} strokes",
             )
     return Strokes(values, held["actuator"], held["condition"], held["stroke"])
 

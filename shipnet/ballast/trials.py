@@ -1,6 +1,6 @@
 """The quality of the diagnosis: trials with each fault, false alarms, and a fleet over time.
 
-The faults are those of our own simulator and are made to fit the rules: a high rate verifies the
+The faults are those of our own simulator and are made to fit the rules. Finding them verifies the
 code but does not validate the method.
 """
 
@@ -39,7 +39,7 @@ _YEAR = 365.25 * 86400
 #: Standard deviation of the logarithm of pump leak, restrictor and bearing torque among valves.
 _SPREAD = 0.02
 
-#: Times in a trial [s]: opening, closing and end; a motor may run for 20 s.
+#: Times in a trial [s]: opening, closing and end; a motor runs for at most 20 s.
 _OPEN, _CLOSE, _END = 5.0, 35.0, 65.0
 
 #: Instants per block: the readings of 3328 valves then take 27 MB.
@@ -67,11 +67,11 @@ class Trials:
     Parameters
     ----------
     rows : pandas.DataFrame
-        One row per trial and method: ``method``, ``fault``, ``valve``, ``severity``; the codes
-        ``active`` at any time, and their ``top_fault``; whether any code was active (``detected``),
-        whether the fault's own code was active (``named``), and whether it was the top fault
-        (``isolated``); ``detection_time_s`` and ``isolation_time_s`` from the first command, 0 if
-        earlier, NaN if never.
+        One row per trial and method: ``method``, ``fault``, ``valve``, ``severity``; the codes that
+        were ``active`` during the trial, and their ``top_fault``; whether any code was active
+        (``detected``), whether the fault's own code was active (``named``), and whether ``fault``
+        was the top fault (``isolated``); and ``detection_time_s`` and ``isolation_time_s``, counted
+        from the first command: 0 if before that command, NaN if never.
 
     Notes
     -----
@@ -88,7 +88,7 @@ class Trials:
 
     Examples
     --------
-    With the motor off, a position far too high also counts as a switch error, which ranks higher:
+    While the motor is off, a position far above 100 % also activates S1, which ranks higher:
 
     >>> trials = fault_trials(["S1", "Pos3"], n_valves=9, methods=["fuzzy"], rng=2024)
     >>> trials.confusion().loc["Pos3"].to_dict()
@@ -169,7 +169,7 @@ def fault_trials(
     methods: Iterable[str] = METHODS,
     rng: Any,
 ) -> Trials:
-    """Open and close valves once with each fault, and diagnose them.
+    """For each fault, open and close a set of valves once, and diagnose them.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def fault_trials(
     -----
     The fault is present from the beginning. The valve rests closed for 5 s, opens, is commanded to
     close 30 s later, and is observed for 30 s more. Pump leak, restrictor and bearing torque vary
-    among the valves by 2 %, which is our assumption.
+    among the valves with a standard deviation of 2 %, which is our assumption.
 
     Examples
     --------
@@ -286,24 +286,23 @@ def false_alarms(
     until : float, default 3600
         End time, `period`..1e7 [s].
     period : float, default 600
-        Time between two commands, which alternately open and close all valves, 60..1e6 [s].
+        Time between two commands, 60..1e6 [s]. They alternately open and close all valves.
     methods, rng
         As for `fault_trials`.
 
     Returns
     -------
     pandas.DataFrame
-        Indexed by ``method``. Columns: ``commands``; ``alarmed``, the number of periods with an
-        alarm, and ``per_command``, their fraction, with its interval (``_low``, ``_high``);
-        ``valve_years``; ``alarms``, the changes from normal to a top fault, and ``per_valve_year``,
-        their rate, with its interval; and ``false_detection_rate``, the fraction of the time during
-        which a fault is reported.
+        Indexed by ``method``. Columns: ``commands``, counted per valve; ``alarmed``, the number of
+        these after which a fault is reported before the next command, and ``per_command``, their
+        fraction, with its interval (``_low``, ``_high``); ``valve_years``; ``alarms``, the number
+        of changes from normal to a top fault, and ``per_valve_year``, their rate, with its
+        interval; and ``false_detection_rate``, the fraction of the time with a fault reported.
 
     Notes
     -----
-    Sensors are read every second, and ten times as often while a motor runs. A period lasts from
-    one command to the next. The noise is white, and sensors neither drift nor age, so the rates are
-    a lower bound for a ship.
+    Sensors are read every second, and ten times as often while a motor runs. The noise is white,
+    and sensors neither drift nor age, so the rates are a lower bound for a ship.
 
     Examples
     --------
@@ -405,7 +404,7 @@ class FleetReport:
     signals: pd.DataFrame
 
     def faults(self) -> pd.DataFrame:
-        """Return one row per fault and valve, in order of time."""
+        """Return one row per fault and valve, in the order of `injected`."""
         rows = []
         for fault in self.injected:
             severities = fault.severities(self.n_valves)
@@ -433,7 +432,7 @@ class FleetReport:
         return pd.DataFrame(rows, columns=list(_FAULT_COLUMNS)).astype(_FAULT_COLUMNS)
 
     def _reported(self, low: float, high: float, signals: pd.DataFrame) -> float:
-        """Return the time for which faults are reported between two times [s]."""
+        """Return for how long faults are reported between the times `low` and `high` [s]."""
         ends = signals.groupby("valve")["time_s"].shift(-1).fillna(self.duration)
         spans = np.clip(ends, low, high) - np.clip(signals["time_s"], low, high)
         return float(spans[~signals["top_fault"].isin([NORMAL, UNKNOWN])].sum())
@@ -449,7 +448,7 @@ class FleetReport:
         return alarms
 
     def summary(self) -> pd.DataFrame:
-        """Return one row per code: counts, median times and the mean ``true_detection_rate``."""
+        """Return counts, median times and indices per code; ``true_detection_rate`` is a mean."""
         groups = self.faults().groupby("code", sort=False)
         table: pd.DataFrame = groups.agg(
             faults=("code", "size"), detected=("detection_time_s", "count"),
@@ -541,12 +540,12 @@ def run_fleet(
 
     Notes
     -----
-    A motor that is not cooled (O1) reaches the 90 degC of its rule only after many strokes in a
-    row; with six strokes per day it never does.
+    A motor that is not cooled (O1) reaches the 90 degC limit of its rule only after many strokes in
+    a row; with six strokes per day it never does.
 
     Examples
     --------
-    Eight valves are opened and closed for two hours; two of them fail:
+    Eight valves receive four commands each within two hours; two of the valves fail:
 
     >>> rng = np.random.default_rng(2024)
     >>> plan = Command.random(8, until=7200, operations=4, group=4, rng=rng)

@@ -1,4 +1,4 @@
-"""Synthetic data of pumps that wear out, and their remaining life predicted from a trend.
+"""Synthetic data on pumps that wear out, and prediction of their remaining life from a trend.
 
 The law of wear, its rates and the noise are assumptions, and one predictor uses that law, so the
 results are an upper bound on the accuracy possible on a ship.
@@ -25,7 +25,7 @@ from shipnet.fuzzy.firing import persistent
 from shipnet.fuzzy.terms import Term
 from shipnet.lazy import Axes, pd
 
-#: The longest stroke of a healthy valve [s]: row 0 of the rule table.
+#: Longest stroke time of a healthy valve [s], from row 0 of the rule table.
 LIMIT = 10.0
 
 #: Number of leaks for which stroke times are computed; the interpolation error is 1e-6 s.
@@ -35,12 +35,12 @@ _GRID = 2001
 @checked
 @dataclass(frozen=True, eq=False)
 class Wear:
-    """Valves whose pumps wear out, one row per stroke; `Wear.synthetic` creates such data.
+    """Data on valves whose pumps wear out, such as those that `Wear.synthetic` creates.
 
     Parameters
     ----------
     rate : ndarray of float, shape (n_valves,)
-        Growth of the logarithm of the leak per stroke.
+        Growth per stroke of the logarithm of the leak.
     leak : ndarray of float, shape (n_strokes, n_valves)
         True leak [m3/(s Pa)].
     FP : ndarray of float, shape (n_strokes, n_valves)
@@ -48,7 +48,7 @@ class Wear:
     stroke_time : ndarray of float, shape (n_strokes, n_valves)
         Measured time of each stroke [s].
     life : ndarray of float, shape (n_valves,)
-        True number of strokes until one takes 10 s.
+        True number of strokes until the stroke time reaches 10 s.
 
     Examples
     --------
@@ -76,11 +76,11 @@ class Wear:
         noise: tuple[float, float] = (0.1, 0.05),
         rng: Any,
     ) -> Wear:
-        """Return synthetic data of pumps whose leak grows by a constant factor per stroke.
+        """Return synthetic data on pumps whose leak grows by a constant factor per stroke.
 
-        The growth rates, 1e-6..1 per stroke, have the median `rate` and the standard deviation
-        `spread` of their logarithm; `noise` gives the standard deviations of FP [bar] and of the
-        stroke time [s].
+        `rate` is the median of the growth rates, 1e-6..1 per stroke, and `spread` the standard
+        deviation of their logarithm, 0..2. `noise` contains the standard deviations, 0..1000, of
+        the noise of FP [bar] and of the stroke time [s].
         """
         generator = check_rng(rng)
         n = check_whole("n_valves", n_valves, 1, 10_000)
@@ -118,10 +118,10 @@ class Wear:
         return np.asarray(self.FP[:, self._place(valve)])
 
     def alarms(self) -> pd.DataFrame:
-        """Return the true life of each valve, and the strokes at which rules report the wear.
+        """Return the true life of each valve, and the stroke at which each rule reports the wear.
 
-        ``P2`` is FP below 2.5 bar, and ``T1`` (ours) a stroke longer than 10 s, each in three of
-        the last five strokes; NaN if the rule never fires.
+        Rule ``P2`` is FP below 2.5 bar, and ``T1`` (ours) a stroke time above 10 s. A rule reports
+        the wear when it applies to three of the last five strokes; NaN if it never does.
         """
 
         def first(fires: Bools) -> Floats:
@@ -134,10 +134,10 @@ class Wear:
         )
 
     def predict(self, valve: int, at: int, *, predictor: str = "leak") -> Prediction:
-        """Predict the number of strokes left after `at` strokes; at most the last 200 are used.
+        """Predict the strokes left after `at` strokes, of which at most the last 200 are used.
 
-        `predictor` is ``leak`` (the pump leak, computed from FP by the inverted model; its
-        logarithm rises linearly), ``stroke time`` or ``FP membership`` (both rise linearly).
+        A straight line is fitted to the `predictor`: ``stroke time``, ``FP membership``, or the
+        logarithm of ``leak``, the pump leak computed from FP by the inverted model.
         """
         k = self._place(valve)
         check_choice("predictor", predictor, PREDICTORS)
@@ -159,7 +159,7 @@ class Wear:
         return table.rename_axis("valve")
 
     def life_table(self, valve: int = 1, at: Iterable[int] = (20, 50, 100, 200)) -> pd.DataFrame:
-        """Return the remaining life of one valve, predicted after each number of ``strokes``."""
+        """Return the predicted and true remaining life of one valve, indexed by ``strokes``."""
         k = self._place(valve)
         rows = {now: (*self.predict(valve, now).remaining, self.life[k] - now) for now in at}
         columns = ["remaining", "low", "high", "true"]
@@ -169,10 +169,10 @@ class Wear:
     def compare_predictors(self, parts: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)) -> pd.DataFrame:
         """Compare the remaining life that each predictor gives with the true remaining life.
 
-        Indexed by ``predictor`` and by the ``part`` of the true life at which it predicts: the
-        number of ``valves``; the fraction with a trend, ``found``; quantiles of the ratio of
-        predicted to true remaining life; the fraction ``within_20`` percent of the true remaining
-        life; and the fraction whose interval ``covers`` it.
+        Indexed by ``predictor`` and by the ``part`` of the true life that has passed. Columns: the
+        number of ``valves``; the fraction with a finite prediction, ``found``; quantiles of the
+        ratio of predicted to true remaining life; the fraction ``within_20`` percent of the true
+        remaining life; and the fraction whose interval ``covers`` it.
         """
         index, rows = [], []
         for predictor in PREDICTORS:
@@ -267,7 +267,7 @@ class Prediction:
 
 @cache
 def limit_leak() -> float:
-    """Return the leak of the pump at which a stroke takes 10 s."""
+    """Return the pump leak at which a stroke takes 10 s [m3/(s Pa)]."""
     from scipy.optimize import brentq
 
     usual = Actuator()
@@ -281,7 +281,7 @@ def limit_leak() -> float:
 
 
 def leak_from_pressure(pressure: npt.ArrayLike) -> Floats:
-    """Return the leak of a pump from its pressure in the middle of a stroke."""
+    """Return the leak of a pump [m3/(s Pa)] from its pressure in the middle of a stroke [bar]."""
     a = Actuator()
     p = 1e5 * np.asarray(pressure, float)
     load = load_pressure(a, 0.5)
@@ -292,7 +292,7 @@ def leak_from_pressure(pressure: npt.ArrayLike) -> Floats:
 
 
 def mid_pressure(leak: npt.ArrayLike) -> Floats:
-    """Return the pump pressure of the default valve, half open, for an array of leaks [bar]."""
+    """Return the default valve's pump pressure at half opening [bar], for an array of leaks."""
     leaks = np.asarray(leak, float)
     worn = replace(Actuator(), pump_leak=leaks.reshape(-1))
     state = hydraulics(worn, load_pressure(worn, 0.5))
@@ -313,7 +313,7 @@ class Crossing(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """A straight line through points, by least squares."""
+    """A straight line fitted to points by least squares."""
 
     #: True if the line is fitted to the logarithms of the values.
     logarithmic: bool
@@ -407,7 +407,7 @@ def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) 
     )
 
 
-#: Fuzzy set of FP [bar]: 0 from the normal value up, 1 below the limit of rule P2; our choice.
+#: Fuzzy set of FP [bar], our choice: 1 below the limit of rule P2, 0 from the normal value up.
 WORN = Term("worn", (-inf, -inf, 2.5, 90.0), "x < 2.5", "worn")
 
 #: Indicators from which the remaining life can be predicted.

@@ -20,18 +20,18 @@ from shipnet.lazy import pd
 #: Values by variable name.
 Samples: TypeAlias = "Mapping[str, npt.ArrayLike] | pd.DataFrame"
 
-#: How terms are evaluated: by their comparisons as written, by comparisons in the middle of the
-#: ramps, or by their membership functions.
+#: How terms are evaluated: by their comparisons as written, by comparisons with the midpoints of
+#: their ramps, or by their membership functions.
 METHODS = ("crisp", "midpoint", "fuzzy")
 
-#: Number of points of a universe in scikit-fuzzy, in addition to the corners of its terms.
+#: Number of evenly spaced points of a scikit-fuzzy universe; the terms' corners are added.
 _POINTS = 101
 
 
 class Ramps:
     """The terms of all rules as ramps that rise with x or with -x."""
 
-    # A trapezoid is the minimum of two ramps, and a rule the minimum of its terms.
+    # A membership is the minimum of a term's ramps, a firing strength that of a rule's memberships.
 
     def __init__(
         self, variables: Sequence[Variable], antecedents: Iterable[Sequence[tuple[str, str]]]
@@ -67,7 +67,7 @@ class Ramps:
         within = np.minimum(np.maximum(x, self._low), self._high)
         signed = within[self._variable]
         signed *= self._sign
-        # fmax replaces NaN with the foot, which has strength 0. Narrow ramps cannot overflow.
+        # fmax replaces NaN with the foot (membership 0). Clipping avoids overflow on narrow ramps.
         part = np.fmax(signed, self._foot)
         np.minimum(part, self._shoulder, out=part)
         part -= self._foot
@@ -90,7 +90,7 @@ def compare(
     used = {pair for rule in rules for pair in rule.antecedent}
     holds = {}
     for values, variable in zip(x, variables, strict=True):
-        # Values are clipped to the universe only if compared with the midpoints of the ramps.
+        # Values are clipped to the universe only if they are compared with the ramps' midpoints.
         seen = np.clip(values, variable.low, variable.high) if midpoint else values
         for term in variable.terms:
             if (variable.name, term.name) in used:
@@ -101,7 +101,7 @@ def compare(
 
 
 def persistent(fires: Bools, k: int, n: int) -> Bools:
-    """Return where a rule fired in at least `k` of the last `n` rows; none fires before row 0."""
+    """Return where a rule fired in `k` or more of the last `n` rows; no rule fires before row 0."""
     window = check_whole("n", n, 1, 10**6)
     least = check_whole("k", k, 1, window)
     if window == 1:
@@ -123,7 +123,7 @@ def arrays(names: Sequence[str], samples: Samples) -> dict[str, Floats]:
         try:
             given[name] = np.asarray(samples[name] if name in samples else np.nan, dtype=float)
         except (TypeError, ValueError):
-            raise ArgumentError(f"{name} must be numbers, NaN for missing values") from None
+            raise ArgumentError(f"{name} must be numbers; use NaN for missing values") from None
     if len({x.shape for x in given.values()}) == 1:
         return given
     try:

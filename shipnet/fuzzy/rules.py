@@ -29,7 +29,7 @@ from shipnet.fuzzy.firing import (
 from shipnet.fuzzy.terms import NORMAL, UNKNOWN, Rule, Term, Variable
 from shipnet.lazy import Axes, pd
 
-#: Samples processed together, so that their arrays fit in the cache.
+#: Number of samples processed at a time, so that their arrays fit in the cache.
 _BLOCK = 8192
 
 #: Maximum numbers of regions computed, and of columns in a matrix drawn with numbers.
@@ -46,7 +46,7 @@ class RuleBase:
     variables : sequence of Variable
         One or more variables with different names.
     rules : sequence of Rule
-        One or more, numbered from 1, with different codes and priorities; their terms must exist.
+        One or more, with different codes and priorities, using existing terms; the first is rule 1.
 
     Examples
     --------
@@ -132,7 +132,7 @@ class RuleBase:
         return [(self[name], self[name][term]) for name, term in rule.antecedent]
 
     def top_codes(self, active: Bools, silent: npt.ArrayLike = False) -> npt.NDArray[np.object_]:
-        """Return each row's top active code, else ``unknown`` where `silent`, else ``normal``."""
+        """Return the top active code per row; if none, ``unknown`` if `silent`, else ``normal``."""
         places = [self.codes.index(code) for code in self.ranking]
         ranked = active[..., places]
         first = np.where(ranked.any(axis=-1), ranked.argmax(axis=-1), len(places))
@@ -141,7 +141,7 @@ class RuleBase:
         return np.asarray(names[first], dtype=object)
 
     def active_codes(self, active: Bools) -> list[str]:
-        """Return the active codes per row of an (n, n_rules) array, the highest priority first."""
+        """Return each row's active codes as one string, highest priority first; `active` is 2-D."""
         places = [self.codes.index(code) for code in self.ranking]
         names = np.array(self.ranking, dtype=object)
         return [" ".join(names[row]) for row in active[:, places]]
@@ -163,8 +163,8 @@ class RuleBase:
 
         `samples` maps names of variables to numbers or arrays; it may be a DataFrame. NaN and
         omitted variables count as missing; a rule that needs a missing value does not fire.
-        `method` is ``fuzzy``, ``crisp`` (comparisons as written) or ``midpoint`` (comparisons in
-        the middle of the ramps).
+        `method` is ``fuzzy``, ``crisp`` (comparisons as written) or ``midpoint`` (comparisons with
+        the midpoints of the ramps).
         """
         check_choice("method", method, METHODS)
         values = arrays(self.names, samples)
@@ -191,7 +191,7 @@ class RuleBase:
         k: int = 1,
         n: int = 1,
     ) -> Decision:
-        """Return the decision for every sample, as `fire` followed by `Firing.decide`."""
+        """Call `fire`, then `Firing.decide`, and return the decision for every sample."""
         return self.fire(samples, method).decide(threshold=threshold, k=k, n=n)
 
     def overlaps(self, method: str = "crisp") -> pd.DataFrame:
@@ -212,7 +212,7 @@ class RuleBase:
         return pd.DataFrame(rows, columns=["a", "b", "relation"])
 
     def plot_overlaps(self, ax: Axes | None = None) -> Axes:
-        """Draw how often each column's rule also fires, in % of the regions of each row's rule."""
+        """For each row's rule, draw the % of its regions in which each column's rule also fires."""
         ax = style.axes(ax)
         count = self._overlap_counts("crisp").astype(float)
         alone = np.diag(count)[:, None]
@@ -229,7 +229,7 @@ class RuleBase:
         return ax
 
     def _overlap_counts(self, method: str) -> Integers:
-        """Count the regions in which each pair of rules fires; the diagonal is for single rules."""
+        """Count the regions in which rules i and j both fire, shape (n_rules, n_rules)."""
         table = self.regions(method)[list(self.names)]
         fires = self.fire(table, method).strength.astype(np.int64)
         return fires.T @ fires
@@ -269,10 +269,10 @@ class RuleBase:
     def centroid(self, samples: Samples) -> pd.DataFrame:
         r"""Defuzzify the fault number as a controller would, to show why this is wrong.
 
-        One row per sample: the ``active`` codes, the ``top`` code, the ``centroid`` z of their
-        numbers, and the code ``nearest`` to z (in a tie, the lower number). Rule i has the
-        consequent "number is i", a triangle of half-width 1/2 about i that is cut at the firing
-        strength:
+        One row per sample: the ``active`` codes, the ``top`` code, the ``centroid`` z of all rule
+        numbers (NaN if all strengths are 0), and the code ``nearest`` to z (in a tie, the lower
+        number). Rule i has the consequent "number is i", a triangle of half-width 1/2 about i that
+        is cut off at the rule's firing strength w_i:
 
         .. math:: z = \frac{\sum_i w_i \left( 2 - w_i \right) i}{\sum_i w_i \left( 2 - w_i \right)}
         """
@@ -291,7 +291,7 @@ class RuleBase:
     def to_skfuzzy(self) -> Any:
         """Return the rules as a `skfuzzy.control.ControlSystem`, for comparison.
 
-        Each variable becomes an antecedent with 101 points and the corners of its terms. Each rule
+        Each variable in use becomes an antecedent with 101 points and its terms' corners. Each rule
         becomes a consequent that is named after the rule's code and has the single term ``on``.
         """
         return control_system(self.variables, self.rules)
@@ -302,17 +302,17 @@ class RuleBase:
 class Firing:
     """The firing strength of each rule for each sample, as returned by `RuleBase.fire`.
 
-    A strength is the lowest membership among the rule's terms. Each membership equals the result of
-    `skfuzzy.trapmf` to the last bit.
+    A strength is the lowest membership among the rule's terms. With the method ``fuzzy``, each
+    membership equals the result of `skfuzzy.trapmf` to the last bit.
 
     Parameters
     ----------
     base : RuleBase
         The rules.
     values : dict of str to ndarray
-        The values of each variable, all of the same shape; NaN where one is missing.
+        The values of each variable, all of the same shape; NaN where a value is missing.
     strength : ndarray of float, shape (..., n_rules)
-        0..1, in the order of `base.codes`; the other axes are those of the samples.
+        0..1; the last axis is in the order of `base.codes`, the others are those of the samples.
 
     Examples
     --------
@@ -364,13 +364,13 @@ class Firing:
             )
         fires = self.strength >= threshold
         if n != 1 and fires.ndim < 2:
-            raise ArgumentError(f"n is {n}; the samples must have a time axis")
+            raise ArgumentError(f"n is {n}; it must be 1 for samples without a time axis")
         return Decision(self, float(threshold), persistent(fires, k, n))
 
     def plot(self, labels: Sequence[object] | None = None, ax: Axes | None = None) -> Axes:
         """Draw the strengths as a matrix with one row per rule and one column per sample."""
         if self.strength.ndim > 2:
-            raise ArgumentError(f"strength has {self.strength.ndim} axes; a matrix has two")
+            raise ArgumentError(f"strength has {self.strength.ndim} axes; at most two can be drawn")
         strength = np.atleast_2d(self.strength)
         n_samples = len(strength)
         if labels is not None and len(labels) != n_samples:
@@ -428,7 +428,7 @@ class Decision:
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
-        """Active code of highest priority, or ``normal``; ``unknown`` if no sensor has a value."""
+        """Top-priority active code; else ``normal``, or ``unknown`` if no sensor has a value."""
         return self.firing.base.top_codes(self.active, self.firing.missing.all(axis=-1))
 
     def codes(self, *index: int) -> tuple[str, ...]:
@@ -437,13 +437,13 @@ class Decision:
         return tuple(self.firing.base.active_codes(active[np.newaxis])[0].split())
 
     def table(self) -> pd.DataFrame:
-        """Return one row per sample: ``top``, its ``strength``, ``active`` codes and bad sensors.
+        """Return one row per sample: the ``top`` code, its ``strength`` and all ``active`` codes.
 
         ``missing`` names the sensors without a value, ``clipped`` those with values outside their
         universe.
         """
         if self.active.ndim > 2:
-            raise ArgumentError(f"active has {self.active.ndim} axes; a table has two")
+            raise ArgumentError(f"active has {self.active.ndim} axes; at most two fit in a table")
         firing, top = self.firing, np.atleast_1d(self.top)
         rows = zip(top, np.atleast_2d(firing.strength), np.atleast_1d(firing.normal), strict=True)
         strength = [
@@ -461,7 +461,7 @@ class Decision:
         )
 
     def explain(self, *index: int) -> str:
-        """Return one sentence that explains the decision for the sample at this index.
+        """Return one line of text that explains the decision for the sample at this index.
 
         It names the top code with its strength and terms, the other active codes, and the sensors
         that are missing or out of range; for ``normal``, also the closest rule, if there is one.
@@ -507,7 +507,7 @@ class Decision:
 
 
 def draw_matrix(ax: Axes, values: Floats, written: Callable[[int, int, float], str]) -> None:
-    """Draw values from 0 to 1 as a map, with text in the nonzero cells if there is room."""
+    """Draw values from 0 to 1 as a heat map; if it has few columns, add text to nonzero cells."""
     rows, columns = values.shape
     ax.imshow(values, cmap="Blues", vmin=0, vmax=1, aspect="auto", interpolation="nearest")
     ax.grid(visible=False)

@@ -35,7 +35,7 @@ class Interval:
     Parameters
     ----------
     low, high : float
-        The ends; -inf or inf on a side without an end. At least one must be finite.
+        The ends; -inf or inf on an unbounded side. At least one end must be finite.
     low_closed, high_closed : bool, default False
         True if the end belongs to the interval.
 
@@ -54,7 +54,8 @@ class Interval:
         point = self.low == self.high and self.low_closed and self.high_closed
         if not (self.low < self.high or point) or (self.low, self.high) == (-inf, inf):
             raise ArgumentError(
-                f"low is {self.low:g}, high {self.high:g}; low must be lower and one must be finite"
+                f"low is {self.low:g}, high {self.high:g}; low must be below high, "
+                "and at least one of them finite"
             )
 
     def __str__(self) -> str:
@@ -71,7 +72,7 @@ class Interval:
         values = np.asarray(x, dtype=float)
         above = values >= self.low if self.low_closed else values > self.low
         below = values <= self.high if self.high_closed else values < self.high
-        # An interval without an end on one side contains the infinity on that side.
+        # An interval that is unbounded on one side contains the infinity on that side.
         above |= (self.low == -inf) & (values == -inf)
         return np.asarray(above & (below | ((self.high == inf) & (values == inf))))
 
@@ -103,11 +104,11 @@ class Term:
     Parameters
     ----------
     name : str
-        The word, such as ``high``: letters, digits and underscores.
+        The word, such as ``high``: letters, digits and underscores, the first a letter.
     corners : tuple of float
         Left foot, left shoulder, right shoulder and right foot of the trapezoid, in rising order.
-        Two equal corners make a step. If both left corners are -inf, or both right corners inf, the
-        shoulder on that side is open.
+        A foot that equals its shoulder makes a step. If both left corners are -inf, or both right
+        corners inf, the shoulder on that side is open.
     crisp : Interval or str
         The word as a comparison, such as ``x > 90``.
     english : str, default ""
@@ -167,7 +168,7 @@ class Term:
 
         values = np.asarray(x, dtype=float)
         a, b, c, d = self.corners
-        # trapmf has no open shoulders, so clip the values to the shoulder that exists.
+        # trapmf has no open shoulders, so clip the values to the shoulder on the closed side.
         if a == -inf:
             a = b = c
             values = np.maximum(values, c)
@@ -187,14 +188,14 @@ class Variable:
     Parameters
     ----------
     name : str
-        Symbol of the variable, such as ``FP``: letters, digits and underscores.
+        Symbol of the variable, such as ``FP``: letters, digits and underscores, the first a letter.
     unit : str
         Unit of its values, of the universe and of the corners of the terms.
     low, high : float
-        Ends of the universe, the values that a sensor can report.
+        Ends of the universe, which is the range of values that a sensor can report.
     terms : tuple of Term
-        One or more terms with different names; the shoulder and the comparison of each must reach
-        into the universe.
+        One or more terms with different names. The range between a term's shoulders, and that of
+        its comparison, must reach into the universe.
     english : str, default ""
         Label in figures.
 
@@ -363,7 +364,7 @@ class Rule:
 
 
 def check_word(what: str, text: str) -> str:
-    """Return a name if it begins with a letter and has only letters, digits and underscores."""
+    """Return `text`; raise unless it is a letter, then only letters, digits and underscores."""
     if not isinstance(text, str) or not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", text):
         raise ArgumentError(f"{what} is {text!r}; use a letter, then letters, digits, underscores")
     return text

@@ -131,5 +131,5 @@ def test_one_sample_has_no_past():
     assert firing.decide().table()["top"].tolist() == ["O1"]
     assert repr(firing.decide()).startswith("Decision(O1 1.00")
     assert repr(BASE.decide({"OT": [95, 50, 50]})) == "Decision(3 samples: 1 O1, 2 normal)"
-    with pytest.raises(ArgumentError, match="a table has two"):
+    with pytest.raises(ArgumentError, match="at most two fit in a table"):
         BASE.decide({"OT": [[95]]}).table()

@@ -53,7 +53,7 @@ def test_many_samples_have_no_numbers(ax):
 
 
 def test_strengths_that_are_not_a_matrix_are_not_drawn(ax):
-    with pytest.raises(ArgumentError, match="a matrix has two"):
+    with pytest.raises(ArgumentError, match="at most two can be drawn"):
         BASE.fire({"FP": [[1]]}).plot(ax=ax)
     with pytest.raises(ArgumentError, match="2 labels; expected 1"):
         BASE.fire({"FP": [1]}).plot(["a", "b"], ax=ax)
