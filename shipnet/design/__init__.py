@@ -1,4 +1,4 @@
-"""Design of a ship's cabling: plan an I/O list in several ways, and compare the plans.
+"""Design of a ship's cabling: make several plans for an I/O list, and compare them.
 
 review = design.read_iolist("list.xlsx").compare(cabinet=(26, 6, 14))
 print(review)

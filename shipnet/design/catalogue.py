@@ -1,4 +1,4 @@
-"""The cable catalogue, and the prices, hours and factors of designs, each with its range."""
+"""The cable catalogue, and the prices, hours and factors used in designs, each with its range."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.line.cable import CABLES
 
-#: Half the range of a figure as a fraction of its nominal value, by status. The geometric model of
-#: estimated diameters and masses is accurate to 25 %. The only published range of labour, 5 to 15
+#: Half the range of a figure as a fraction of its nominal value, by status. The geometric model for
+#: estimating diameters and masses is accurate to 25 %. The only published range for labour, 5 to 15
 #: minutes per conductor (industrialmonitordirect.com), is 10 minutes plus or minus 50 %.
 SPREAD = {"confirmed": 0.0, "estimate": 0.25, "derived": 0.5, "assumption": 0.5}
 
@@ -31,7 +31,7 @@ Level = Literal["low", "nominal", "high"] | Floats
 
 
 class Range(NamedTuple):
-    """The low, nominal and high value of a figure that is not known exactly."""
+    """The low, nominal and high values of a figure that is not known exactly."""
 
     low: float
     nominal: float
@@ -45,7 +45,7 @@ class Range(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Cable:
-    """A cable of the catalogue."""
+    """A cable in the catalogue."""
 
     id: str
     description: str
@@ -72,7 +72,7 @@ class Cable:
 
 @cache
 def cables() -> Mapping[str, Cable]:
-    """Return the cables of the catalogue."""
+    """Return the cables in the catalogue, by id."""
     with datasets.path("estimated_cables.csv").open(newline="", encoding="utf-8") as stream:
         found = [_cable(row) for row in csv.DictReader(stream)]
     return MappingProxyType({cable.id: cable for cable in found})
@@ -108,7 +108,7 @@ def with_spare(used: int, spare: float) -> int:
 
 @cache
 def smallest(conductors: int, *, spare: float) -> Cable:
-    """Return the thinnest cable for hardwired points with enough conductors and spares."""
+    """Return the thinnest cable for hardwired points that has enough conductors and spares."""
     needed = with_spare(conductors, spare)
     own = [cable for cable in cables().values() if "hardwired" in cable.buses]
     fit = [cable for cable in own if cable.conductors >= needed]
@@ -192,7 +192,7 @@ def words(name: str) -> str:
 
 
 def ordered(name: str, given: Range) -> Range:
-    """Return a range if its values are finite and ascending, or raise ArgumentError."""
+    """Return a range; raise ArgumentError unless 0 <= low <= nominal <= high < infinity."""
     finite = len(given) == 3 and all(map(isfinite, given))
     if not finite or not 0 <= given[0] <= given[1] <= given[2]:
         raise ArgumentError(
@@ -203,7 +203,7 @@ def ordered(name: str, given: Range) -> Range:
 
 @cache
 def read_assumptions() -> Mapping[str, Assumption]:
-    """Return the assumptions of the data file by name."""
+    """Return the assumptions in the data file, by name."""
     return MappingProxyType(
         {
             row["name"]: Assumption(

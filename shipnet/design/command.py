@@ -61,7 +61,7 @@ _PLACED = re.compile(r"row (\d+)(?:, column (.*?))?(?::|(?= has)) ?(.*)", re.DOT
 
 
 def save_faults(path: str | None, file: str = "", faults: Sequence[str] = ()) -> None:
-    """Write the faults of a list to a CSV file with one row per fault."""
+    """Write the faults in an I/O list to a CSV file, one per row; without a path, do nothing."""
     if path is None:
         return
     with Path(path).open("w", newline="", encoding="utf-8-sig") as stream:

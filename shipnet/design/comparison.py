@@ -56,7 +56,7 @@ _ALIKE = 0.1
 _TOLD = (
     ("conductors_at_cabinet", "Fewest conductors at the cabinet", ""),
     ("worst_response_ms", "Shortest worst response", "ms"),
-    ("lost_by_failure", "Fewest points lost by one cable or device", ""),
+    ("lost_by_failure", "Fewest points lost in the worst single failure", ""),
 )
 
 #: Rows of a comparison printed as text; rows about buses appear only if a design has a bus.
@@ -84,7 +84,7 @@ class Comparison:
     r"""Comparison of several ways to connect the points of one list.
 
     `IoList.compare` plans designs and compares them; `compare` compares existing designs. All
-    designs have the same cabinet, prices, and settings `detour` and `tails`.
+    designs have the same points, cabinet and assumptions, and the same `detour` and `tails`.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class Comparison:
 
     @property
     def settings(self) -> Settings:
-        """Settings of the first design; `changes` lists settings that are not the defaults."""
+        """Settings of the first design; `changes` lists the changed settings of all designs."""
         return self._first.settings
 
     @property
@@ -180,7 +180,7 @@ class Comparison:
         return best
 
     def pareto(self, *columns: str) -> list[str]:
-        """Return the designs that are Pareto-optimal in some columns, by default in `CRITERIA`."""
+        """Return the designs that are Pareto-optimal in `columns`, or by default in `CRITERIA`."""
         known = [check_choice("one of columns", column, self._table.columns) for column in columns]
         best = self._optimal(self._table, known or CRITERIA)
         return [str(name) for name in self._table.index[best]]
@@ -225,11 +225,11 @@ class Comparison:
         return {name: design.check(self.rules) for name, design in self.designs.items()}
 
     def findings(self) -> Findings:
-        """Return the findings of every rule for each design, named in the column ``design``."""
+        """Return the findings for all designs; the column ``design`` contains the design's name."""
         return Findings(_by_design({name: found.table() for name, found in self._checked.items()}))
 
     def failures(self) -> pd.DataFrame:
-        """Return the points lost in each single failure of each design, worst first."""
+        """Return the points lost in each single failure, worst first, one design after another."""
         return _by_design({name: design.failures() for name, design in self.designs.items()})
 
     def reasons(self) -> pd.DataFrame:
@@ -266,19 +266,20 @@ class Comparison:
     ) -> Tornado:
         """Return the effect of each assumption on the difference in a figure, design `a` minus `b`.
 
-        By default, `b` is the first design with all points, and `a` the best of the others.
+        By default, `b` is the first design with all points, and `a` is the other such design with
+        the lowest figure. If only `a` or `b` is given, the effect on its own figure is returned.
         """
         if a is None and b is None:
             whole = {name: design for name, design in self.designs.items() if design.fits}
             return tornado(whole or self.designs, figure)
         if a == b:
-            raise ArgumentError(f"a and b are both {a!r}; they must be two designs")
+            raise ArgumentError(f"a and b are both {a!r}; they must be different designs")
         given = [(what, one) for what, one in (("b", b), ("a", a)) if one is not None]
         known = [check_choice(what, one, self.designs) for what, one in given]
         return tornado({name: self.designs[name] for name in known}, figure)
 
     def plot(self, x: str = "total_cost_eur", y: str | None = None, ax: Axes | None = None) -> Axes:
-        """Draw the figure `x` of each design with its range, or column `y` over column `x`."""
+        """Draw figure `x` of each design with its range, or plot column `y` against column `x`."""
         if y is None:
             drawn: Any = self._likely.xs(check_choice("x", x, FIGURES), level="figure")
             named = counted(self._table)
@@ -299,7 +300,7 @@ class Comparison:
         mix: Mapping[str, str] | None = None,
         name: str | None = None,
     ) -> Design:
-        """Plan the same points with the same cabinet by any option, as `IoList.plan` does."""
+        """Plan the same points with the same cabinet; settings not given are the first design's."""
         values = self.settings.replace(settings or {})
         return plan(
             self.iolist, self.site, option, settings=values, mix=mix, name=name, rules=self.rules
@@ -310,7 +311,7 @@ class Comparison:
         return compared([*self.designs.values(), *designs], self.rules, self.rng, self.remarks)
 
     def conclusions(self) -> list[str]:
-        """Return the results of the comparison in sentences."""
+        """Return the results of the comparison as sentences."""
         said, table = [], self._table
         for name, design in self.designs.items():
             if left := int(table["points_left_out"][name]):
@@ -337,7 +338,7 @@ class Comparison:
 
     @cached_property
     def _safe_points(self) -> list[str]:
-        """Sentences on how intrinsically safe points are connected, and the alternative's cost."""
+        """At most one sentence: where intrinsic-safety barriers are, and the alternative's cost."""
         safe = (self.iolist.points["ex"] != "").to_numpy()
         buses = [name for name in OPTIONS[2:] if name in self.designs]
         said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
@@ -349,7 +350,7 @@ class Comparison:
         values = values.replace({"field_barriers": not onto})
         other = plan(self.iolist, self.site, name, settings=values, rules=self.rules)
         more = self.quantities[name]["total_cost_eur"] - other.quantities()["total_cost_eur"]
-        where, other_way = "the cabinet", "field_barriers, which puts them onto the bus"
+        where, other_way = "the cabinet", "field_barriers, which connects such points to the bus"
         if onto:
             where, other_way = "its box", "home runs to barriers in the cabinet"
         return [f"{said}{where}; {name} {_costs(more)} with {other_way}."]
@@ -425,7 +426,7 @@ def compare(
     Parameters
     ----------
     designs : iterable of Design
-        One or more designs with different names but the same cabinet, prices, detour and tails.
+        Designs with different names but the same points, cabinet, assumptions, detour and tails.
     rules : RuleSet, str or path, default "DNV"
         Rule set, name of a published rule set, or path of a file with rules.
     rng : numpy.random.Generator or int, default 2024
@@ -439,7 +440,7 @@ def compare(
     Raises
     ------
     ArgumentError
-        If there is no design, or if two designs have the same name or differ in a common value.
+        If there is no design, two have the same name, or two differ in a value that must be equal.
 
     Examples
     --------
@@ -507,10 +508,10 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
     if np.abs(own - given).sum() > _ALIKE * given.sum():
         cabinet = ", ".join(f"{value:g}" for value in site.cabinet)
         yield (
-            f"Home runs keep the lengths of the list, {number(given.sum() / 1e3)} km for "
-            f"{len(given)} points; computed like all other cables, from the cabinet at {cabinet} "
-            f"m, they would be {number(own.sum() / 1e3)} km. Set list_lengths to false to "
-            "compute all of them."
+            f"Home runs have the lengths in the list, {number(given.sum() / 1e3)} km in total for "
+            f"{len(given)} points; computed from positions, with the cabinet at {cabinet} m, the "
+            f"total would be {number(own.sum() / 1e3)} km. Set list_lengths to false to use "
+            "computed lengths."
         )
 
 

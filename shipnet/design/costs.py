@@ -37,10 +37,10 @@ def number(value: float) -> str:
 
 # Counts of the parts of a design: devices and channels -------------------------------------------
 
-#: The seeds that `numpy.random.default_rng` accepts.
+#: Arguments that `numpy.random.default_rng` accepts: a generator, a seed or None.
 Rng: TypeAlias = np.random.Generator | int | None
 
-#: Names of the price and the time of each kind of device; some begin with the name of the bus.
+#: Names of the price and time of each kind of device; some kinds are preceded by their bus.
 _DEVICES: dict[str, tuple[str, ...]] = {
     "cabinet": (),
     "box": ("box", "box_time"),
@@ -66,7 +66,7 @@ def conductors_at_cabinet(design: Layout) -> int:
 
 
 def items_of(design: Layout) -> dict[str, int]:
-    """Count the parts and tasks of a design, by the names of their prices and times."""
+    """Return the number of each part and task of a design, by the name of its price or time."""
     analogue = design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
     items = {**_devices(design, analogue), **_channels(design, analogue)}
@@ -206,7 +206,7 @@ class Quantities:
     by_cable : pandas.DataFrame
         One row per type of cable: runs, length_m, mass_kg and cost_eur, all nominal.
     unconnected : int
-        Number of points left out, which no figure includes.
+        Number of points that are not connected, and therefore not included in any figure.
 
     Examples
     --------
@@ -286,7 +286,7 @@ class Model:
     def figures(
         self, levels: Mapping[str, Level] | None = None, *, others: Level = "nominal"
     ) -> dict[str, Any]:
-        """Return every figure at given levels of the assumptions."""
+        """Return every figure with some assumptions at `levels`, and all others at `others`."""
         given, laid = {} if levels is None else levels, self._sums
 
         def at(name: str) -> Floats:
@@ -382,7 +382,7 @@ def _by_cable(model: Model) -> pd.DataFrame:
 
 
 def draw(designs: Mapping[str, Layout], *, rng: Rng, draws: int = 10_000) -> pd.DataFrame:
-    """Draw every assumption from its range many times, and return the figures."""
+    """Draw every assumption from its range `draws` times, and return the figures of each draw."""
     models = {name: Model(design) for name, design in designs.items()}
     rng = check_rng(rng)
     n = check_whole("draws", draws, 1, 1_000_000)
@@ -418,7 +418,7 @@ class Tornado:
     figure : str
         The figure, such as ``"total_cost_eur"``.
     between : tuple of str
-        One design, or two designs whose difference is shown.
+        One design, or two whose difference is shown (the first minus the second).
     nominal : dict of str to float
         The figure of each design with every assumption nominal.
     every : pandas.DataFrame
@@ -487,7 +487,7 @@ class Tornado:
         return table.set_axis(["low", "high"], axis=1)
 
     def top(self, n: int = 3) -> list[str]:
-        """Return the names of the `n` assumptions with the largest swing, in descending order."""
+        """Return the names of up to `n` assumptions with a non-zero swing, largest swing first."""
         most = check_whole("n", n, 0, 1000)
         return [str(name) for name in self.every.index[self.every["swing"] > 0][:most]]
 
@@ -500,7 +500,7 @@ class Tornado:
 
 
 def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> Tornado:
-    """Vary one assumption at a time; compare the first design with the lowest of the others."""
+    """Vary one assumption at a time; subtract the first design's figure from the lowest other."""
     check_choice("figure", figure, FIGURES)
     models = {name: Model(design) for name, design in designs.items()}
     nominal = {name: float(model.figures()[figure]) for name, model in models.items()}

@@ -39,13 +39,14 @@ class Design(Layout):
     iolist : IoList
         The points.
     site : Site
-        The cabinet, and the detour and tails of cables.
+        Position of the cabinet, and the allowances `detour` and `tails` in cable lengths.
     points : pandas.DataFrame
         One row per point, in the order of the list: tag, bus, segment, device, address,
-        response_ms, fits. A point that is left out has no bus, and a row in `reasons`.
+        response_ms, fits. An unconnected point has no bus; a point whose device violates a supply
+        limit has a bus but does not fit. `reasons` says why a point does not fit.
     devices : pandas.DataFrame
-        One row per cabinet, box, module, station, master, repeater or supply: device, kind,
-        segment, x_m, y_m, z_m, and at (the device whose housing contains it).
+        One row per device, such as the cabinet, a box, a module or a supply: device (its name),
+        kind, segment, x_m, y_m, z_m, and at (the device whose housing contains it, or "").
     cables : pandas.DataFrame
         One row per cable: run (its name), cable (its type in the catalogue), a and b (its ends),
         segment, kind, route_m, length_m, used, conductors, at_cabinet and line.
@@ -58,7 +59,7 @@ class Design(Layout):
     settings : Settings, optional
         The limits, prices and allowances of the plan.
     without_limits : Design, optional
-        Design of the same option without the rules' response limits, if these change the plan.
+        Design planned without the rules' response limits; None if these do not change the plan.
 
     Examples
     --------
@@ -76,7 +77,7 @@ class Design(Layout):
     without_limits: Design | None = None
 
     def priced(self, settings: Settings) -> Design:
-        """Return a copy of the design with the prices of other settings."""
+        """Return a copy with other settings, such as prices, without planning the design again."""
         made = copy(self)  # keeps the failures if they have been computed
         object.__setattr__(made, "settings", settings)
         if self.without_limits is not None:
@@ -106,7 +107,7 @@ class Design(Layout):
     def lost(
         self, *, cables: Collection[str] = (), devices: Collection[str] = ()
     ) -> tuple[str, ...]:
-        """Return the tags of the points lost in several simultaneous failures."""
+        """Return the tags of the points lost if all these cables and devices fail together."""
         return failures.lost(self, cables=cables, devices=devices)
 
     def tables(self) -> dict[str, pd.DataFrame]:
@@ -132,9 +133,9 @@ class Design(Layout):
         yield "settings.toml", self.settings.text().encode()
 
     def save(self, folder: str | PathLike[str]) -> None:
-        """Write the tables as CSV files and a workbook, the drawing and the settings to a folder.
+        """Write the tables (as CSV files and a workbook), the drawing and the settings to a folder.
 
-        Existing files are replaced. The workbook needs openpyxl.
+        Existing files are replaced. The workbook is written only if openpyxl is installed.
         """
         tables.save_files(folder, self.files())
 

@@ -28,7 +28,7 @@ from shipnet.signals import SIGNALS
 
 # Clusters of places: within reach, of equal size, or within limits -----------------------------
 
-#: Maximum number of places clustered at once; the distances of more need too much memory.
+#: Maximum number of places clustered at once; the distances between more need too much memory.
 _MOST = 3000
 
 #: Maximum number of items divided into equal groups at once; more would take too long.
@@ -42,7 +42,7 @@ Result = TypeVar("Result")
 
 
 def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
-    """Return the cluster of each place (n, 3): up to `most` places, none over `reach` apart."""
+    """Return the cluster of each place (n, 3): up to `most` places, none over `reach` [m] apart."""
     return _zones(np.asarray(xyz, float).tobytes(), reach, most).copy()
 
 
@@ -58,7 +58,7 @@ def _zones(places: bytes, reach: float, most: int) -> Indices:
     if len(xyz) < 2:
         return np.zeros(len(xyz), dtype=np.intp)
     tree = linkage(xyz, "complete", "cityblock")
-    # Towards the root the excess never shrinks, so the tree is cut where it first exceeds zero.
+    # The excess never decreases towards the root, so the tree is cut where it becomes positive.
     excess = np.maximum(tree[:, 2] - reach, (tree[:, 3] > most).astype(float))
     return _renumbered(fcluster(tree, 1e-9, "monocrit", monocrit=excess).astype(np.intp))
 
@@ -66,7 +66,7 @@ def _zones(places: bytes, reach: float, most: int) -> Indices:
 def balanced(
     xyz: Floats, groups: int, *, kinds: npt.ArrayLike = 0, most: Sequence[int] = ()
 ) -> Indices:
-    """Divide places into compact, nearly equal groups, with at most `most` places of each kind."""
+    """Divide places into compact groups, nearly equal or with up to `most[k]` of each kind k."""
     from scipy.optimize import linear_sum_assignment  # slow to load, and few plans need it
 
     if groups == 1 or len(xyz) < 2:
@@ -91,7 +91,7 @@ def balanced(
 
 
 def medians(xyz: Floats, labels: Indices) -> tuple[Indices, Floats]:
-    """Return the labels in use, and the median position of each label, shape (n, 3)."""
+    """Return the labels in use, and the median position (n, 3) of the places with each label."""
     used, count = np.unique(labels, return_counts=True)
     end = np.cumsum(count)
     low, high = end - count + (count - 1) // 2, end - count + count // 2
@@ -164,7 +164,7 @@ def _renumbered(labels: Indices) -> Indices:
 
 # The route of a trunk past its devices: a tree, or a chain --------------------------------------
 
-#: Added to distances, because scipy treats a distance below 1e-8 as no edge [m].
+#: Length added to distances [m], because scipy treats a distance below 1e-8 as no edge.
 _APART = 1e-6
 
 
@@ -219,7 +219,7 @@ Place = tuple[float, float, float]
 
 
 class Laid(NamedTuple):
-    """The ends of a cable, and either its length or its fraction of the route between them."""
+    """Ends of a route, and the cable's length [m], or NaN and the fraction the cable covers."""
 
     start: Place
     end: Place
@@ -384,7 +384,7 @@ class Draft:
         for number, supply in wanted.own.items():
             row, given = rows[number], self._rows["devices"][supply]
             name, (x, y, z) = given["device"], row["end"]
-            if supply in idle:  # the old supply moves to the device
+            if supply in idle:  # the idle supply moves to the device
                 idle.remove(supply)
                 given |= {"x_m": x, "y_m": y, "z_m": z, "at": ""}
                 self._in_cabinet.discard(name)
@@ -521,14 +521,14 @@ def lay(
     cable: str,
     repeaters: Sequence[int] = (),
 ) -> list[str]:
-    """Add the masters, stations, cables, terminators and repeaters of a segment."""
+    """Add the devices, trunks and feeders of a segment, and return the names of the stations."""
     names = [draft.device(f"{bus} {box.name}", "station", segment, box.place) for box in stations]
     places = [draft.middle, *(box.place for box in stations)]
     hops, feeder = list(pairwise(places)), cables()[draft.settings.feeder]
     for line in ("A", "B") if draft.settings.redundant else ("",):
         of = f" {line}" if line else ""
         master = draft.device(f"{segment} master{of}", "master", segment, places[0], draft.cabinet)
-        # A cable leaves a station through its repeater if it has one.
+        # If a station has a repeater, the trunk cable to the next station starts at the repeater.
         leaving = [master, *names]
         for place in repeaters:
             name, here = names[place], places[place + 1]

@@ -10,7 +10,7 @@ from html import escape
 from shipnet.design.layout import Layout
 from shipnet.lazy import pd
 
-#: Colours of segments, after Okabe and Ito: distinguishable with any common colour vision.
+#: Colours of segments, after those of Okabe and Ito, which colour-blind readers can distinguish.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#56B4E9", "#444444")
 
 #: Sheet, which prints well on A4: width, columns, rows per column, row height, top margin [px].
@@ -72,7 +72,7 @@ def single_line(design: Layout) -> str:
 
 
 def sheets(design: Layout) -> list[tuple[str, int]]:
-    """Return the sheets of the drawing of a design, each as an SVG with its height."""
+    """Return the sheets of a design's drawing, each as an SVG with its height [px]."""
     rows = list(_rows(design))
     most = _COLUMNS * _ROWS
     pages = [rows[start : start + most] for start in range(0, len(rows), most)] or [[]]
@@ -171,7 +171,7 @@ def _rows(design: Layout) -> Iterator[_Row]:
 
 
 def _counts(design: Layout) -> dict[str, str]:
-    """Return the number of points by type and the systems of each device, in words."""
+    """Return, for each device, the number of its points by type and their systems, in words."""
     said = {}
     for device, own in design.iolist.points.groupby(design.points["device"]):
         kinds = " ".join(f"{n} {kind}" for kind, n in sorted(Counter(own["type"]).items()))
@@ -234,7 +234,7 @@ def _tree(
 
 
 def _laid(root: _Node, *, star: bool) -> Sequence[_Row]:
-    """Return the rows of a tree; the largest branch of each device continues in its lane."""
+    """Return the rows of a tree; except in a star, a device's largest branch stays in its lane."""
     rows: list[_Row] = []
     last: dict[int, tuple[int, int]] = {}
     # The devices still to draw, each with its parent's row and lane, and its own lane.

@@ -24,7 +24,7 @@ _NONE: Integers = np.empty(0, np.int64)
 #: Nodes at both ends of each edge, and the run of the edge; -1 if it is not a run.
 Edges = tuple[Integers, Integers, Integers]
 
-#: Devices that join the two lines of a pair, and devices that block all lines when dead.
+#: Kinds of devices that join lines A and B, and kinds that block all lines when dead.
 _JOINS = ("cabinet", "master", "gateway")
 _BLOCKS = (*_JOINS, "repeater", "box")
 
@@ -40,7 +40,7 @@ _CHUNK = 2**21
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """A planned design as arrays; runs and devices are numbered by the rows of its tables."""
+    """A planned design as arrays; runs and devices are identified by row number in its tables."""
 
     design: Layout
 
@@ -56,7 +56,7 @@ class Reach:
 
     @cached_property
     def shorts(self) -> list[tuple[list[int], list[int]]]:
-        """Runs that form one pair of a bus or supply, and the masters that a short disables."""
+        """For each pair of a bus or supply: its runs, and the masters that a short disables."""
         runs, segments = self.design.cables, self.design.segments
         buses = segments.loc[segments["bus"] != "hardwired", "segment"]
         trunk = (runs["segment"].isin(buses) & (runs["kind"] == "trunk")).to_numpy()
@@ -69,7 +69,7 @@ class Reach:
         return found
 
     def _together(self, number: Integers, pair_ends: Sequence[str]) -> list[Integers]:
-        """Group the runs of each segment and line that devices outside `pair_ends` connect."""
+        """Group the connected runs of each segment and line; kinds in `pair_ends` separate runs."""
         lines = self.design.cables.iloc[number].groupby(["segment", "line"], sort=False).ngroup()
         order = np.argsort(lines.to_numpy(), kind="stable")
         number, line = number[order], lines.to_numpy()[order]
@@ -109,7 +109,7 @@ class Reach:
         area, failure = np.divmod(key, max(1, len(failing)))
         turn = np.where(area < 0, -1, np.arange(len(key)) - np.searchsorted(area, area))
         scenario = turn[each]
-        # A failure of the cabinet, which is in no area, disables all points.
+        # A failure of the cabinet disables all points, even if the cabinet is in no area.
         dead, all_points = number[item == self._cabinet], np.flatnonzero(connected)
         gone = [(dead[:, None] * n_points + all_points).ravel()]
         step = max(1, _CHUNK // (4 * size + 2 * len(self.design.cables) + n_points))
@@ -126,10 +126,10 @@ class Reach:
 
     @cached_property
     def _areas(self) -> tuple[Integers, Integers]:
-        """Areas of the devices and runs, and of the points; connected parts are in one area.
+        """Area of each device and run, and area of each point; connected parts are in one area.
 
-        The cabinet is in no area, because it connects areas for data only. If it passes on power,
-        or is in a housing that may fail, everything is one area.
+        A cabinet that connects areas for data only is in no area. If it passes on power, or is in a
+        housing that may fail, everything is in one area.
         """
         count, (point, device, run) = len(self.kinds), self._wires
         wires = np.stack([count + point, device], axis=1)
@@ -154,7 +154,7 @@ class Reach:
 
     @cached_property
     def _at(self) -> Integers:
-        """Device whose housing contains each device; -1 if the device has its own housing."""
+        """For each device, the device whose housing contains it; -1 if it has its own housing."""
         return np.array([self._index.get(at, -1) for at in self.design.devices["at"]], np.int64)
 
     @cached_property
@@ -192,7 +192,7 @@ class Reach:
 
     @cached_property
     def _power(self) -> Edges:
-        """Edges that carry power: feeders of stations, and the trunk of AS-i."""
+        """Edges that carry power: feeders of stations, and AS-i trunks."""
         trunk = self._asi & ~self._feeders & ~self.at_point
         trunk &= (self.kinds != "repeater")[self._ends[:, 1]]
         apart = np.isin(self.kinds, ("cabinet", "gateway"))[self._ends].any(axis=1)
@@ -202,13 +202,13 @@ class Reach:
 
     @cached_property
     def _current_at(self) -> Integers:
-        """Device that must be powered for each data edge to work; -1 for none."""
+        """For each data edge, the device that must be powered for the edge to work; -1 for none."""
         u, v, run = self._data
         a, b = self._ends.T
         end = np.where((self.kinds == "repeater")[b], a, b)
         trunk = self._asi & (self.design.cables["kind"] == "trunk").to_numpy()
         along = np.append(np.where(trunk, end, -1), -1)[run]
-        # A repeater beside its master is on the same line, with no cable between the two.
+        # A repeater beside its master is connected to it without a cable.
         inside, at = u % len(self.kinds), v % len(self.kinds)
         master = (self.kinds == "master") & self._of_asi(self.design.devices["segment"])
         beside = (run < 0) & (self.kinds == "repeater")[inside] & master[at]
@@ -216,7 +216,7 @@ class Reach:
 
     @cached_property
     def _mains(self) -> tuple[Integers, Integers]:
-        """Supplies with a feeder from the cabinet, and the run of that feeder."""
+        """Supplies with a feeder from the cabinet, and the runs of these feeders."""
         from_cabinet = self._feeders & (self._ends == self._cabinet).any(axis=1)
         number = np.flatnonzero(from_cabinet)
         far = self._ends[number].sum(axis=1) - self._cabinet
@@ -261,7 +261,7 @@ class Reach:
         return joints
 
     def _by_line(self, number: Integers, joints: Integers) -> Edges:
-        """Return runs and joints as edges; of D devices, device n on line B is node n + D."""
+        """Return runs and joints as edges; device n is node n on line A and n + n_devices on B."""
         line, count = self.design.cables["line"].to_numpy(str)[number], len(self.kinds)
         first, second = number[line != "B"], number[line != "A"]
         ends = [self._ends[first], joints, self._ends[second] + count, joints + count]
@@ -281,14 +281,14 @@ class Reach:
     def _masks(
         self, size: int = 1, row: Integers = _NONE, item: Integers = _NONE
     ) -> tuple[Bools, Bools]:
-        """Return masks of the cut runs, with a last column for no run, and of the dead devices.
+        """Return a mask of cut runs, whose last column stands for no run, and one of dead devices.
 
         An item is the index of a device, or the index of a run plus the number of devices.
         """
         gone = np.zeros((size, len(self.kinds) + len(self.design.cables) + 1), bool)
         gone[row, item] = True
         dead, cut = np.split(gone, [len(self.kinds)], axis=1)
-        # A dead box disables everything in it.
+        # A dead box or cabinet disables everything in it.
         inside, housing = self._housings[np.isin(self.kinds[self._housings[:, 1]], _SHELLS)].T
         while (more := dead[:, housing] & ~dead[:, inside]).any():
             dead[:, inside] |= more
@@ -359,7 +359,7 @@ class Reach:
 
 
 def _labels(keep: Bools, count: int, u: Integers, v: Integers) -> Integers:
-    """Return the component of each node in each of several graphs, shape (n_graphs, count)."""
+    """Return the connected-component label of each node in each graph, shape (n_graphs, count)."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -382,10 +382,10 @@ def _nth(values: Integers) -> Iterator[Integers]:
         yield order[nth == number]
 
 
-# Single failures: every cable and device of a planned design, one at a time ----------------------
+# Single failures of a planned design: one cable, pair or device fails at a time ------------------
 
-#: Kinds of failures: a cut cable, a short of all cables that form one pair of a bus or a supply,
-#: and a dead device.
+#: Kinds of failures: a cut cable, a short circuit in a pair of a bus or supply, which affects all
+#: cables of the pair, and a dead device.
 FAILURES = ("cut", "short", "device")
 
 
@@ -402,7 +402,7 @@ def single_failures(design: Layout) -> pd.DataFrame:
     failures += [((), (number,)) for number in range(len(devices))]
     table = pd.DataFrame(rows, columns=["failure", "failed", "kind", "segment", "line"])
 
-    # A cut of a point's only cable disables only that point.
+    # A cut in a point's only cable disables only that point.
     gone = [np.array([], int)] * len(rows)
     for run_number, point in reach.alone.items():
         gone[run_number] = np.array([point])
@@ -421,7 +421,7 @@ def single_failures(design: Layout) -> pd.DataFrame:
 def lost(
     design: Layout, *, cables: Collection[str] = (), devices: Collection[str] = ()
 ) -> tuple[str, ...]:
-    """Return the points lost in several simultaneous failures."""
+    """Return the tags of the points lost when the named cables and devices fail together."""
     failed: list[list[int]] = []
     unknown: list[str] = []
     for what, names, known in (
@@ -438,7 +438,7 @@ def lost(
 
 
 def worst(failures: pd.DataFrame) -> pd.DataFrame:
-    """Return the failure of each kind with the most points lost, not counting the cabinet."""
+    """Return the failure of each kind with the most points lost, excluding cabinet failure."""
     rest = failures[failures["kind"] != "cabinet"]
     ranked = rest.sort_values("points_lost", ascending=False, kind="stable")
     return ranked.drop_duplicates("failure").reset_index(drop=True)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @checked
 class IoList(PointTable):
-    r"""The I/O points of a ship: sensors to read, and outputs to switch.
+    r"""The I/O points of a ship: sensors to read, and outputs to control.
 
     `read_iolist` reads a list from a file, `IoList.parse` from text, and `IoList.from_table` from
     a table. Positions are needed only for planning.
@@ -83,10 +83,10 @@ class IoList(PointTable):
     ) -> Design:
         """Connect all points by one of `OPTIONS`.
 
-        `cabinet` is a position (x, y, z) [m] or its text, or None to infer it from the list's
-        cable lengths; `settings` are values by name. `mix` selects other options for some points,
-        by tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. The response limits
-        of `rules`, as in `compare`, are met where possible.
+        `cabinet` is a position (x, y, z) [m], as numbers or text, or None to infer it from the
+        list's cable lengths; `settings` are values by name. `mix` selects other options for some
+        points, by tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. The response
+        limits of `rules`, if given (see `compare`), are met where possible.
         """
         from shipnet.design.planning import plan
         from shipnet.design.rules import RuleSet
@@ -108,11 +108,11 @@ class IoList(PointTable):
     ) -> Comparison:
         """Plan the points by several options and compare the designs.
 
-        `options` are some of `OPTIONS`, by default all; `mix`, as in `plan`, adds one design.
-        `rules` is the name of a published set, a file or a `RuleSet`; if a plan exceeds its
-        response limits, the points are planned again to meet them where possible. `rng` is used to
-        draw the assumptions from their ranges. `progress` is called after each plan; by default, a
-        terminal shows a progress bar after 2 s.
+        `options` are some of `OPTIONS`, by default all; `mix` adds a design of home runs with this
+        mix (see `plan`). `rules` is the name of a published set, a file or a `RuleSet`; if a plan
+        exceeds the set's response limits, the points are planned again to meet them where possible.
+        `rng` is used to draw the assumptions from their ranges. `progress` is called after each
+        plan; by default, a terminal shows a progress bar after 2 s.
         """
         from shipnet.design.comparison import compared
         from shipnet.design.planning import OPTIONS, plan
@@ -145,8 +145,9 @@ class IoList(PointTable):
         """Compare the options at every point of a grid of settings.
 
         `grid` maps names of settings to lists of values, or is a list of grid points. The table has
-        one row per point and option, with the columns of `Comparison.table`. Long studies run on
-        all cores; `client`, `folder` and `progress` are as in `shipnet.compute`.
+        one row per grid point and option: the settings of the grid point, and the columns of
+        `Comparison.table`. Long studies run on all cores; `client`, `folder` and `progress` are as
+        in `shipnet.compute`.
         """
         from shipnet.design.rules import RuleSet
         from shipnet.parallel import compute, points_of
@@ -167,7 +168,7 @@ class IoList(PointTable):
         return joined
 
     def plot(self, option: str = "home runs", ax: Axes | None = None) -> Axes:
-        """Draw all points wired individually to the panel ("home runs"), or on one "AS-i" line."""
+        """Draw all points, wired individually ("home runs") or connected to one line ("AS-i")."""
         from shipnet.design.plot import plot_points
 
         return plot_points(self.points, option, ax=ax)
@@ -212,10 +213,10 @@ def read_iolist(
 ) -> IoList:
     """Read a yard's I/O list from a CSV file or an Excel workbook.
 
-    The titles are in one or two of the first 50 rows. They include ``tag``, and ``signal`` or
-    ``type``. A title or a cell may include a unit, such as ``x [mm]`` or ``24,8 m``. Repeated
-    titles, subtitles, page headers, notes, and rows that are struck out or marked as deleted or
-    spare are left out. `IoList.reading` reports how the file was read.
+    The column titles must be in one of the first 50 rows; they may continue in the next row. They
+    must include ``tag``, and ``signal`` or ``type``. A title or a cell may include a unit, such as
+    ``x [mm]`` or ``24,8 m``. Repeated titles, subtitles, page headers, notes, and rows struck out
+    or marked as deleted or spare are left out. `IoList.reading` reports how the file was read.
 
     Parameters
     ----------

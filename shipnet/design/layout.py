@@ -69,7 +69,7 @@ _FIRST, _NEXT, _KEPT = 15, 5, 25
 _CLOSE, _ROUNDED = 0.02, 0.2
 
 
-#: A position [m] or its text, or None to infer it from the list's cable lengths.
+#: A position [m] as numbers or text, a site, or None to infer it from the list's cable lengths.
 Where: TypeAlias = "tuple[float, float, float] | Sequence[float] | str | Site | None"
 
 
@@ -128,7 +128,7 @@ def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0
 
 
 def site_of(iolist: PointTable, cabinet: Where, settings: Settings) -> tuple[Site, str]:
-    """Return the site of a list, and a remark if the cabinet's position was inferred."""
+    """Return the site of a list, and a remark if `cabinet` is None, otherwise ""."""
     if isinstance(cabinet, Site):
         return cabinet, ""
     place, said = cabinet, ""
@@ -161,9 +161,9 @@ def _typed(cabinet: str) -> Place:
         ) from None
 
 
-# The tables of a design: devices, the cables between them, segments, and reasons --------------
+# The tables of a design: points, devices, cables, segments, and reasons -----------------------
 
-#: Columns of each table, with their types; the table of segments may have more columns.
+#: Columns of each table, with their types; a table may have more columns.
 COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
         "points": {

@@ -43,7 +43,7 @@ from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
 
-# Modules: the points of each, its position, and its response times ------------------------------
+# Modules: their points, positions and response times --------------------------------------------
 
 #: Profile of analogue modules, which need an address of their own.
 _ANALOGUE = "S-7.3"
@@ -78,7 +78,7 @@ class Module(NamedTuple):
 
     @property
     def channels(self) -> int:
-        """Number of values that the module transfers; 1 for single bits."""
+        """Number of analogue values that the module transfers; 1 for a digital module."""
         return len(self.ports) if self.ports[0].startswith("A") else 1
 
     @property
@@ -92,8 +92,8 @@ def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
     limits, spare = draft.settings.asi, draft.settings.spare
     kinds = np.array([draft.types[row] for row in rows], dtype=object)
     channels = _channels(draft, rows, kinds)
-    # Masks of the points that may share modules, their kinds, and the points and ports of each
-    # kind per module. A module with fewer values than ports is faster.
+    # Mask of the points that may share modules, their kinds, and, for each kind, the maximum number
+    # of points and the number of ports per module. Analogue modules are faster with fewer values.
     digital = limits.inputs, limits.outputs
     sharing: list[tuple[Bools, tuple[str, ...], tuple[int, ...], tuple[int, ...]]] = [
         (np.isin(kinds, ["DI", "DO"]) & (channels > 0), ("DI", "DO"), digital, digital)
@@ -138,7 +138,7 @@ def _extended(profile: str) -> bool:
 
 
 def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> Indices:
-    """Return how many points each point's module may have; 0 if it is too slow even alone."""
+    """Return the maximum number of points on each point's module; 0 if even one is too slow."""
     limits, need = draft.settings.asi, draft.need[rows]
     channels, least = np.zeros(len(rows), dtype=np.intp), np.empty(len(rows))
     for output, kind, most in ((False, "DI", limits.inputs), (True, "DO", limits.outputs)):
@@ -272,7 +272,7 @@ def draw(ways: Floats, cable: Floats, limits: AsiLimits) -> Drawn:
 def place_supply(
     pieces: Sequence[Piece], draws: dict[str, float], first: str, voltage: float, resistance: float
 ) -> str:
-    """Return the node for a segment's supply: `first` if the voltages allow it, else the best."""
+    """Return a supply's node: `first` if the voltages suffice, else that with the smallest drop."""
     nodes = list(dict.fromkeys(node for piece in pieces for node in (piece.near, piece.far)))
     ends = [[nodes.index(piece.near), nodes.index(piece.far)] for piece in pieces]
     lengths = [piece.length for piece in pieces]
@@ -496,7 +496,7 @@ class _Laying:
         self.draft.run("feeder", (begin, end), laid, feeder, PAIR, self.segment)
 
     def lay_repeaters(self) -> None:
-        """Add repeaters beside the master or a module, or between them on a long cable."""
+        """Add repeaters, beside the master or a module, or partway along a long cable."""
         names, where, drawn = self.names, self.where, self.line.drawn
         done = dict.fromkeys({piece.edge for piece in drawn.pieces}, 0.0)
         ends: dict[str, Place] = {}

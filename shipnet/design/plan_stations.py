@@ -31,10 +31,10 @@ def _served(
     most: str,
     alone: Callable[[Box, float], tuple[Floats, str]],
 ) -> list[Box]:
-    """Return boxes of the points that a separate trunk can serve; give reasons for all others.
+    """Return boxes of the points that a separate trunk can serve; record why others do not fit.
 
-    `alone` returns the update time or response [s] of each point in a box at the end of a separate
-    trunk, and a phrase for the reason.
+    `alone` returns the shortest update time or response [s] of each point in a box that has a trunk
+    of a given length [m] to itself, and a phrase for the reason.
     """
     found = []
     for box in boxes(draft, rows):
@@ -111,7 +111,7 @@ def plan_can(draft: Draft, rows: Indices) -> None:
     def alone(box: Box, length: float) -> tuple[Floats, str]:
         rate = bit_rate_for(length, limits.bit_rates) or slowest
         size = np.array([2 if draft.types[row][0] == "A" else 1 for row in box.rows])
-        # The frame must meet its deadline, and must not exceed the load limit.
+        # The frame must meet its deadline, and must not load the bus above its limit.
         share = min(1 - limits.period_share, limits.period_share * limits.load)
         words = f"even on its own CAN line at {rate / 1e3:g} kbit/s, it gets one every"
         return frame_length(size) / rate / share, words
@@ -149,7 +149,7 @@ def plan_can(draft: Draft, rows: Indices) -> None:
 
 
 def bit_rate_for(length: float, bit_rates: Sequence[int]) -> int | None:
-    """Return the highest bit rate that the length of a trunk allows, or None."""
+    """Return the highest of `bit_rates` that a trunk length [m] allows; None if there is none."""
     return max((rate for rate in bit_rates if longest_bus(rate) >= length), default=None)
 
 
@@ -199,9 +199,9 @@ class Registers(NamedTuple):
 
 
 class _Loop(NamedTuple):
-    """A loop; `on_wire` is the time per scan in which a frame is on the wire [s].
+    """A loop; `on_wire` is the time per scan during which frames are on the wire [s].
 
-    `longest` is the longest transaction of each station [s].
+    `longest` contains the duration of the longest transaction of each station [s].
     """
 
     trunk: Backbone
@@ -325,7 +325,7 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
 
 
 def _longest_section(limits: ModbusLimits, bit_rate: int) -> float:
-    """Return the longest permissible cable between ends or repeaters [m] at a bit rate."""
+    """Return the maximum length of cable between ends or repeaters at a bit rate [m]."""
     return min(limits.length, INTERFACES["RS-485"].product / bit_rate)
 
 

@@ -73,7 +73,7 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
 
 
 def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
-    """Return the numbers of conductors used and of pairs in a trunk, with one return per signal."""
+    """Return the numbers of conductors and pairs needed; a common return counts once per signal."""
     signals, common = draft.iolist.points["signal"].to_numpy(object)[rows], draft.common[rows]
     own, alone = draft.wires[rows] - common, common == 0
     returns = sum(dict(zip(signals, common.tolist(), strict=True)).values())
@@ -107,8 +107,8 @@ def plan(
 ) -> Design:
     """Connect the points of a list by one option, except those for which `mix` names another.
 
-    If a response is longer than `rules` allow, the points are planned again within that limit;
-    points that would then fit nowhere are exempt from it.
+    If a response exceeds the limits of `rules`, the points are planned again within these limits;
+    points that would then no longer fit are exempt from them.
     """
     choose = mix or {}
     check_choice("option", option, OPTIONS)

@@ -1,4 +1,4 @@
-"""Conductors and cost of a small plant that is defined by counts, hardwired and on AS-i."""
+"""Conductors and cost, hardwired and on AS-i, of a small plant that is defined by counts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from shipnet.fields import check_whole, choice, number, record, whole
 from shipnet.signals import ASI_PAIR, SIGNALS
 from shipnet.signals import Saving as Saving
 
-#: Cable to a contact, one pair of 0.75 mm2, and shipboard cable for AS-i.
+#: Cable to a contact (one pair of 0.75 mm2), and shipboard cable for AS-i.
 _PAIR, _ASI = "MI1P075", "ASI_MARINE"
 
 #: Longest line without a repeater [m]; each repeater adds the same length (kim2023, section 3.3).
@@ -75,7 +75,7 @@ def lines_needed(slaves: int, *, slaves_per_line: int = 62) -> int:
 class Plant:
     """A small plant defined by counts: modules with contacts, in a row along each line.
 
-    The plant is laid out twice, with a cable to every contact and on AS-i, to compute the saving
+    The plant is laid out twice, with a cable to every contact and with AS-i, to check the saving
     that a paper or an offer claims. There are no spares.
 
     Examples
@@ -107,7 +107,7 @@ class Plant:
         return Saving(conductors_at_cabinet(self.hardwired), conductors_at_cabinet(self.on_asi))
 
     def cost_saving(self, *, rng: Rng = None, draws: int = 10_000) -> pd.DataFrame:
-        """Return the fraction of the wiring cost that AS-i saves, for each meaning of the term."""
+        """Return the fraction of the wiring cost that AS-i saves, for each meaning in `COUNTED`."""
         options = {"hardwired": self.hardwired, "AS-i": self.on_asi}
         sample = draw(options, rng=rng, draws=draws)
         nominal = {name: quantities(one).table()["nominal"] for name, one in options.items()}
@@ -162,7 +162,7 @@ class Plant:
     def hardwired(self) -> Design:
         """Design with a cable from every contact to the cabinet."""
         points = self.iolist.points
-        # The common return of a module runs beside the wire of its first contact.
+        # The common return of a module runs in the cable to its first contact.
         first = np.tile(np.arange(self.contacts) == 0, self.modules)
         used = points["conductors"] + first * SIGNALS[self.signal].common
         return self._made(

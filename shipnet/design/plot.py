@@ -1,4 +1,4 @@
-"""Plots of tables: points with their wires, ranges of figures, and one figure over another."""
+"""Plots of tables: points with their wires, ranges of values, and one column against another."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def plot_points(points: pd.DataFrame, option: str, *, ax: Axes | None = None) ->
 def _plot_hardwired(
     ax: Axes, devices: list[tuple[str, pd.DataFrame]], counts: Counter[str]
 ) -> tuple[float, str]:
-    """Draw points wired individually as in kim2023's Fig 1; return the height and the title."""
+    """Draw points wired individually as in kim2023's Fig 1; return the height and a caption."""
     height = len(devices)
     for row, (device, points) in enumerate(devices):
         spread = 0.62 / max(len(points) - 1, 1)
@@ -91,7 +91,7 @@ def _plot_hardwired(
 def _plot_asi(
     ax: Axes, devices: list[tuple[str, pd.DataFrame]], counts: Counter[str]
 ) -> tuple[float, str]:
-    """Draw points on one AS-i line as in kim2023's Fig 2; return the height and the title."""
+    """Draw points on one AS-i line as in kim2023's Fig 2; return the height and a caption."""
     height = len(devices)
     middle = -(height - 1) / 2
     _box(ax, 2.1, middle, 1.3, 0.9, "AS-i\nmaster", _MODULE)
@@ -155,7 +155,7 @@ def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None
 
 
 def _labels(table: pd.DataFrame) -> Iterator[tuple[str, tuple[float, float], bool, bool]]:
-    """Yield each label, the position of its dots, and whether it is left of and below them."""
+    """Yield each label, the position of its dots, whether it is left of them, and whether below."""
     at = table.to_numpy()
     spread = np.ptp(at, axis=0) if len(at) else np.ones(2)
     shown = (at - at.min(axis=0, initial=np.inf)) / np.where(spread > 0, spread, 1.0)

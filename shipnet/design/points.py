@@ -55,7 +55,7 @@ _FORMULA = re.compile(r"'+[=+\-@]")
 
 
 def score(reading: Reading) -> Callable[[Sequence[str]], float]:
-    """Return a function that counts how many cells are titles of an I/O list."""
+    """Return a function that scores how well the cells of a row serve as titles of an I/O list."""
 
     def worth(cells: Sequence[str]) -> float:
         found = {column.name for cell in cells if (column := column_of(cell, reading.columns))}
@@ -66,7 +66,7 @@ def score(reading: Reading) -> Callable[[Sequence[str]], float]:
 
 
 class Cells:
-    """The points of a sheet, as the cells of each column of an I/O list."""
+    """The cells of a sheet's points by column, and the remarks and faults found in the sheet."""
 
     def __init__(self, sheet: Sheet, reading: Reading) -> None:
         self.sheet, self.reading = sheet, reading
@@ -94,7 +94,7 @@ class Cells:
         self._fill_down("system")
 
     def _second_line(self, below: Sequence[str]) -> list[str] | None:
-        """Return the titles joined with those in the row `below`, or None if it has no titles."""
+        """Return the titles combined with the row `below`, or None if it is not a row of titles."""
         titles, above, understood = [], "", 0
         for title, cell in zip_longest(self.titles, below, fillvalue=""):
             above = title or above
@@ -150,10 +150,10 @@ class Cells:
             self.remarks.append(Remark(f"not used: {used}"))
 
     def _points_of(self, rows: Iterable[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
-        """Return the rows that are points, and add remarks on the other rows."""
+        """Return the rows that are points, and add remarks on rows that are left out or hidden."""
         points, left = [], dict[str, list[int]]()
         heads = [{cell for cell in titles if cell} for titles in self._repeated]
-        # Only few rows contain a title or mark a point that will not be built; examine only these.
+        # Few rows contain a title or a mark such as `void`; compare only these with the titles.
         words = set(chain.from_iterable(cells for _, cells in rows))
         marked = set(filter(_MARKED.fullmatch, words))
         suspect = marked.union(*heads)
@@ -180,7 +180,7 @@ class Cells:
         is_marked: bool,
         meant: dict[tuple[str, str], bool],
     ) -> str:
-        """Return why a row is not a point, or "". `meant` caches known types and signals."""
+        """Return why a row is not a point, or "" if it is one; `meant` caches look-ups of words."""
         for head in heads:
             if not head.isdisjoint(cells):
                 same = sum(" ".join(cell.split()) in head for cell in cells if cell)
@@ -209,7 +209,7 @@ class Cells:
         width = len(self.titles)
         beside = [row for row, (_, cells) in enumerate(rows) if any(cells[width:])]
         if self.sheet.separator:
-            # Either the row is shifted, or a number contains a comma.
+            # Either the row is shifted, or an unquoted cell contains the separator.
             for row in beside:
                 self.fault(row, "", f" has {len(rows[row][1])} cells; expected {width}")
         elif beside:
@@ -270,12 +270,12 @@ class Cells:
             self.remarks.append(Remark(what, numbers, doubt=True))
 
     def odd(self, row: int, name: str) -> str:
-        """Return a description of a cell that is neither text nor a number, otherwise ""."""
+        """Return a description of a cell if it is neither text nor a number, otherwise ""."""
         places = self.places.get(name, [-1])
         return self.sheet.odd.get((self.rows[row], places[0]), "")
 
     def check(self, strict: bool) -> None:
-        """Raise InputError with all recorded faults, in the order of rows and columns."""
+        """Raise InputError with all faults, if any; with `strict`, doubtful rows are faults too."""
         faults = [text for _, _, text in sorted(self._faults)]
         if strict:
             faults += [f"row {n}: {one.what}" for one in self.remarks if one.doubt
@@ -289,7 +289,7 @@ _REPEATED, _TEXT = "repeated titles", "not a point: a subtitle, page header, pag
 
 
 def _letter(place: int) -> str:
-    """Return the letter of a spreadsheet column, given its number from 0."""
+    """Return the letters of a spreadsheet column, such as AB, given its index from 0."""
     more, own = divmod(place, 26)
     return (_letter(more - 1) if more else "") + chr(65 + own)
 
@@ -323,7 +323,7 @@ ROUNDED = 0.2
 
 
 def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, Floats]:
-    """Return the values of all numeric columns, and record all faults in them."""
+    """Return the values of the columns in `RANGES`, NaN where unknown, and record all faults."""
     mark = decimal_mark(set().union(*(cells[name] for name in RANGES)))
     if mark == ",":
         cells.remarks.append(Remark("numbers have a decimal comma", detail=True))
@@ -353,14 +353,14 @@ def _numbers(cells: Cells, name: str, mark: str) -> Floats:
 
 
 def _place_by_frames(cells: Cells, numbers: dict[str, Floats]) -> None:
-    """Place points by frame, deck and side where the list gives no x, y, z."""
+    """Place points by frame, deck and side if the list has no columns for x, y and z."""
     columns = [name for name in PLACED if name in cells.places]
     if not columns or "x_m" in cells.places:
         return
     rows = list(zip(*(map(widened, cells[name]) for name in columns), strict=True))
     given = np.array([any(row) for row in rows], dtype=bool)
     if not (cells.reading.frames and cells.reading.decks):
-        said = "placed by frame and deck, but the settings do not define [frames] and [decks]"
+        said = "not placed by frame and deck; the settings do not define both [frames] and [decks]"
         cells.doubt(said, given)
         return
     known = {row: cells.reading.place(dict(zip(columns, row, strict=True))) for row in set(rows)}
@@ -386,11 +386,11 @@ def _check_partly(cells: Cells, names: Sequence[str]) -> Bools:
 
 
 def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, Floats]) -> None:
-    """Check the boxes, and give all points of a box the position given for any of its points."""
+    """Check the boxes, and copy the position of a box to those of its points that give none."""
     have = _check_partly(cells, _BOX)
     named = np.array([box != "" for box in boxes], dtype=bool)
     alone = (have.any(axis=1) | cells.given("to_box_m")) & ~named
-    cells.wrong(np.flatnonzero(alone).tolist(), "box", "a name for the given position")
+    cells.wrong(np.flatnonzero(alone).tolist(), "box", "a name for the given position or length")
     places = np.column_stack([numbers[name] for name in _BOX])
     whole = np.isfinite(places).all(axis=1)
     first: dict[str, int] = {}
@@ -486,7 +486,7 @@ def _check_tags(cells: Cells, tags: list[str]) -> None:
 
 
 def _look_up(cells: Cells, name: str, known: Mapping[str, str], expected: str) -> list[str]:
-    """Return the meaning of each cell of a column, "" for an empty cell."""
+    """Return the meaning of each cell of a column, "" if empty; unknown cells are faults."""
     found = {cell: known.get(plain(widened(cell)), "") for cell in set(cells[name])}
     rows = [row for row, cell in enumerate(cells[name]) if cell and not found[cell]]
     cells.wrong(rows, name, expected)
@@ -523,7 +523,7 @@ def _signals(cells: Cells, kinds: list[str], safety: list[str]) -> list[str]:
 
 
 def _input_of(word: str) -> str:
-    """Return the input type of a word that may mean an input or an output, otherwise ""."""
+    """Return the input type of a word if it may mean an input or an output, otherwise ""."""
     kinds = {SIGNALS[name].kind for name in meanings(word)}
     return next((k for k in kinds if k[1] == "I"), "") if {k[1] for k in kinds} == {*"IO"} else ""
 
@@ -560,8 +560,8 @@ def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tup
 #: The default words for reading a list.
 _PLAIN = Reading()
 
-#: Requirements for an I/O list, as named in errors.
-_WHAT = "titles of an I/O list, which are at least tag, and signal or type"
+#: The titles that an I/O list must have, as error messages call them.
+_WHAT = "titles of an I/O list (at least tag and either signal or type)"
 
 
 @checked
@@ -624,7 +624,7 @@ class PointTable:
         return tuple(str(note) for note in self.notes if not note.detail)
 
     def reading(self) -> pd.DataFrame:
-        """Return a table of the remarks on how the list was read: what, count, rows, doubt."""
+        """Return the remarks on how the list was read; columns what, count, rows and doubt."""
         rows = []
         for note in self.notes:
             which = listed(note.rows, None)[1:].lstrip() if note.rows else ""

@@ -86,7 +86,7 @@ def table(
     )
 
 
-#: Maximum length of a cell that stays on one line.
+#: Maximum number of characters of a cell that stays on one line.
 _SHORT = 9
 
 _VERDICTS = {"met": "pass", "violated": "fail", "not verified": "open"}
@@ -252,13 +252,14 @@ def _points(designs: Mapping[str, Design]) -> str:
 
 _BANNER_MORE = (
     "Computed from an I/O list under the assumptions listed below. Prices, masses and hours are "
-    "estimates until replaced by a supplier's. A rule is judged only if we read its text, or a "
-    "manufacturer's document with its limit. No classification society has reviewed this report."
+    "estimates until replaced by a supplier's figures. A rule is judged only if we have read its "
+    "text, or a manufacturer's document that gives its limit. No classification society has "
+    "reviewed this report."
 )
 
 
 def report_html(found: Any, title: str, date: str) -> str:
-    """Return the report of `found`, a `Comparison` (its module imports this one)."""
+    """Return the report of `found`, a `Comparison` (`Any` because its module imports this one)."""
     designs, takes, likely = found.designs, found.quantities, found.likely()
     annexes = [
         _what(found),
@@ -348,7 +349,7 @@ def _what(found: Any) -> str:
 
 
 def _assumed(changes: pd.DataFrame, *names: str) -> str:
-    """Return a note that values are assumed if they are defaults, otherwise ""."""
+    """If the named values are all defaults, return a note that they are assumed, else ""."""
     if not {*names}.isdisjoint(changes["name"]):
         return ""
     return " (both assumed)" if len(names) > 1 else " (assumed)"
@@ -435,7 +436,7 @@ def _rules(rules: Any, options: Sequence[str]) -> str:
             verdicts=range(3, 3 + len(options)),
             caption=f"Rule sets {sets}. Not verified: a plan cannot show whether the rule is met, "
             "or none of us has read the clause; a value may still be given. From a "
-            "manufacturer: the limit is from its document, and we have read no standard for it.",
+            "manufacturer: its document gives the limit; we have read no standard that does.",
         ),
         text("Source of each rule", tag="h3"),
         table(["rule", "set", "clause", "edition", "source", "text read"], read),

@@ -41,7 +41,7 @@ from shipnet.tables import NUMBER, Sheet, frame_sheet, in_order, read_sheet, tit
 
 # Measures of a planned design that a rule may limit ---------------------------------------------
 
-#: Open international standard or public specification of each bus that has one, and the CRC.
+#: Open international standard or public specification of each bus that has one; its CRC, or None.
 STANDARDS: Mapping[str, tuple[str, Crc | None]] = {**DATA_LINKS, "AS-i": ("IEC 62026-2", None)}
 
 #: Longest update time of a fast point [ms]: the shortest time in class rules, 0.1 s in
@@ -53,7 +53,7 @@ LEFT_OUT = "unconnected points"
 
 
 class Outcome(NamedTuple):
-    """The value of a measure, its subject and reason, and whether it covers only some points."""
+    """A measure's value, the part concerned, an explanation, and whether the value is partial."""
 
     computed: float
     subject: str = ""
@@ -113,7 +113,7 @@ class Measure(NamedTuple):
 
 _NAN = float("nan")
 
-#: Current of one load equivalence number of NMEA 2000 [A].
+#: Current that corresponds to a load equivalence number (LEN) of 1 in NMEA 2000 [A].
 LOAD_UNIT = 0.05
 
 
@@ -188,11 +188,11 @@ def _systems(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     found = rows["tags"].map(lambda tags: sorted({system[tag] for tag in tags if system.get(tag)}))
     unnamed = {tag for tags in rows["tags"] for tag in tags if system.get(tag) == ""}
     worst: Any = found.map(len).idxmax()
-    parts = [f"a cut affects points of {', '.join(found[worst])}"] if found[worst] else []
+    parts = [f"a failure affects points of {', '.join(found[worst])}"] if found[worst] else []
     if unnamed:
         s = "s" if len(unnamed) > 1 else ""
-        parts.append(f"the list names no system for {len(unnamed)} point{s} lost by a cut")
-    why = "; ".join(parts) or "no cut affects a system"
+        parts.append(f"the list names no system for {len(unnamed)} point{s} lost in a failure")
+    why = "; ".join(parts) or "no failure affects a system"
     return Outcome(len(found[worst]), str(rows.loc[worst, "failed"]), why, bool(unnamed))
 
 
@@ -257,7 +257,7 @@ def _repeats(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     asked = [bus for bus in _buses(facts) if bus != "CAN"]
     if asked:
         return Outcome(_NAN, why=f"a plan does not show how often the {asked[0]} master retries")
-    return Outcome(float("inf"), "", "CAN repeats lost messages automatically")
+    return Outcome(float("inf"), "", "CAN controllers retransmit frames automatically")
 
 
 def _most(values: pd.Series[float], subjects: pd.Series[str], none: str) -> Outcome:
@@ -270,7 +270,7 @@ def _most(values: pd.Series[float], subjects: pd.Series[str], none: str) -> Outc
 
 
 def _fed(value: Callable[[pd.DataFrame], pd.Series[float]]) -> _Compute:
-    """Return the function for a measure of the devices fed by supplies."""
+    """Return a function that finds the largest `value` of all devices fed by supplies."""
 
     def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         supplies, devices = facts.fed
@@ -305,7 +305,7 @@ def _spur_current(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 
 def _runs(kind: str, total: bool, ohms: bool = False) -> _Compute:
-    """Return the function that finds a cable kind's longest run, or largest total on a line."""
+    """Return a function that finds the largest length or resistance of a run or a whole line."""
 
     def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         runs, known = facts.design.cables, cables()
@@ -330,7 +330,7 @@ def _resistance_by_length(facts: Facts, concerned: Bools, host: bool) -> Outcome
     length, ohms = trunks["length_m"].sum(), trunks["ohms"].max()
     table = datasets.read("can_bus_resistances.csv")
     lengths, listed = table[["length_m", "resistance_ohm_per_km"]].to_numpy(float).T
-    # A trunk longer than the last row has no listed value.
+    # The table has no value for a trunk longer than its last length.
     listed = np.append(listed, _NAN) / 1e3
     share = 100 * (ohms / listed[np.searchsorted(lengths, length - 1e-9)])
     names = share.index.to_series().map(" ".join).str.strip()
@@ -360,7 +360,7 @@ def _terminators(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     own = devices.loc[devices["kind"] == "terminator", "segment"].value_counts()
     wrong = (own.reindex(links, fill_value=0) - 2 * lines).abs()
     subject = str(wrong.idxmax()) if wrong.any() else ""
-    return Outcome(int(wrong.sum()), subject, "two at the ends of each trunk")
+    return Outcome(int(wrong.sum()), subject, "each trunk needs one at each end")
 
 
 _PARTS = ("module", "station", "box")
@@ -370,7 +370,7 @@ _LOST_BY_A_SUPPLY = _lost(("device",), ("supply", "auxiliary supply"), "no suppl
 MEASURES: Mapping[str, Measure] = {
     "response": Measure("s", "longest response, plus host time if the rule includes it", _response),
     "late points": Measure("points", "points slower than the list requires", _late),
-    LEFT_OUT: Measure("points", "points that fit nowhere", _unconnected),
+    LEFT_OUT: Measure("points", "points that do not fit", _unconnected),
     "points lost by a cable": Measure(
         "points", "lost by the worst cut or short", _lost(("cut", "short"), None, "no cable")
     ),
@@ -396,11 +396,11 @@ MEASURES: Mapping[str, Measure] = {
         "patterns", "patterns of one or two wrong bits that a CRC misses", _unseen
     ),
     "voltage below nominal": Measure(
-        "%", "largest voltage drop to a device's worst point, as a percentage of the voltage",
+        "%", "largest voltage drop to a device's worst point, in % of the supply voltage",
         _fed(lambda t: 100 * (1 - t["lowest_v"] / t["source_v"])),
     ),
     "voltage with a short": Measure(
-        "%", "largest voltage drop, as above, while the worst point's cable is shorted",
+        "%", "as 'voltage below nominal', but with one point's cable shorted",
         _fed(lambda t: 100 * (1 - t["shorted_v"] / t["source_v"])),
     ),
     "voltage drop": Measure(
@@ -420,14 +420,14 @@ MEASURES: Mapping[str, Measure] = {
     "spur current": Measure("A", "largest current of a point on a link", _spur_current),
     "spur length": Measure("m", "longest cable of a point on a link", _runs("drop", total=False)),
     "spurs in all": Measure(
-        "m", "total length of all points' cables on a segment", _runs("drop", total=True)
+        "m", "largest total length of the points' cables on a segment", _runs("drop", total=True)
     ),
     "trunk length": Measure("m", "longest trunk of a segment", _runs("trunk", total=True)),
     "trunk resistance": Measure(
-        "ohm", "resistance of both conductors of a trunk", _runs("trunk", total=True, ohms=True)
+        "ohm", "largest loop resistance of a trunk", _runs("trunk", total=True, ohms=True)
     ),
     "trunk resistance by length": Measure(
-        "%", "resistance of a CAN trunk's conductor, as a percentage of the value for its length",
+        "%", "largest conductor resistance per km of a CAN trunk, in % of the value for its length",
         _resistance_by_length,
     ),
     "devices of a segment": Measure("devices", "most on a segment, including the master", _nodes),
@@ -449,7 +449,7 @@ MEASURES: Mapping[str, Measure] = {
 RULE_SETS = ("DNV", "BV", "IMO", "lee2012", "supply", "NMEA 2000")
 _WITH_IMO = ("DNV", "BV")
 
-#: The comparison of a computed value with its limit.
+#: The comparison of a computed value with its limit, by its name in rules.
 BOUNDS = {"at most": le, "below": lt, "at least": ge}
 
 _YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False, "": False}
@@ -463,7 +463,7 @@ class Rule:
     Raises
     ------
     ArgumentError
-        If a value is not legal, or the limit is not a number.
+        If a value is not legal, or a rule with a measure has no limit.
 
     Examples
     --------
@@ -488,7 +488,7 @@ class Rule:
     source: str = text("The document", default="", most=1000)
     confirmed: str = choice(
         ("no", "maker", "yes"), "yes: the rule's text was read; maker: only a manufacturer's "
-        "document; no: neither was read, so the rule is never met", default="no",
+        "document; no: neither was read, so the rule counts as not verified", default="no",
     )  # fmt: skip
     note: str = text("Why no plan can show compliance", default="", most=1000)
     rule_set: str = text("Rule set of the rule", default="own")
@@ -542,7 +542,7 @@ class RuleSet:
 
     @classmethod
     def published(cls, rules: str = "DNV") -> RuleSet:
-        """Return a published rule set, such as that of DNV or IMO, by its name."""
+        """Return a published rule set by its name; DNV and BV include the rules of the IMO."""
         if rules not in RULE_SETS:
             raise ArgumentError(
                 f"rules is {rules!r}; it must be one of {', '.join(RULE_SETS)}, or a file"
@@ -553,12 +553,12 @@ class RuleSet:
     @classmethod
     def read(cls, path: str | PathLike[str]) -> RuleSet:
         """Read your own rules from a CSV file or an Excel workbook."""
-        what = "titles, which are at least rule, measure and limit"
+        what = "titles (at least rule, measure and limit)"
         return cls(_rules(read_sheet(path, what=what)))
 
     @classmethod
     def of(cls, rules: RuleSet | str | PathLike[str]) -> RuleSet:
-        """Return a given rule set, a published one by its name, or one from a file."""
+        """Return `rules` if it is a rule set, or the set that it names: published, or in a file."""
         if isinstance(rules, RuleSet):
             return rules
         if isinstance(rules, PathLike) or str(rules).lower().endswith((".csv", ".xlsx")):
@@ -684,7 +684,7 @@ def _outcome(rule: Rule, facts: Facts) -> Outcome:
     out = int((concerned & facts.left_out).sum())
     if not out or outcome.partial or rule.measure == LEFT_OUT:
         return outcome
-    # An unconnected point is neither late nor lost, so the value does not cover it.
+    # The value may omit points that are left out: one without a bus is neither late nor lost.
     said = f"{out} point{'s' if out > 1 else ''} left out"
     why = f"{outcome.why}; {said}" if outcome.why else said
     return outcome._replace(why=why, partial=True)

@@ -1,4 +1,4 @@
-"""Every limit, price and allowance of a design, each declared once under a dotted name."""
+"""The limits, prices and allowances of a design, each declared once under its own name."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from shipnet.tables import read_bytes, text_of
 
 @dataclass(frozen=True, kw_only=True)
 class _CableFor(Kind):
-    """A key of the cable catalogue, for a cable that suits a bus."""
+    """The catalogue key of a cable that suits a bus."""
 
     bus: str
 
@@ -100,11 +100,11 @@ def _bit_rates(help: str, default: tuple[int, ...]) -> Any:
 
 @record(slots=True)
 class BoxLimits:
-    """Limits of boxes planned where the list names none, with distances along the ship's axes."""
+    """Limits of the boxes planned for points without a box; distances are along the ship's axes."""
 
     points: int = whole(1, 100_000, help="Maximum number of points per box; assumed", default=32)
     reach: float = number(
-        0, 1000, "m", "Largest distance between two points in a box; assumed", default=20.0
+        0, 1000, "m", "Largest distance between two points of a box; assumed", default=20.0
     )
 
 
@@ -123,13 +123,13 @@ class AsiLimits:
     outputs: int = whole(1, 4, help="Digital outputs per module", default=4)
     channels: int = whole(1, 4, help="Analogue values per module with profile S-7.3", default=4)
     reach: float = number(
-        0, 1000, "m", "Largest distance between two points on a module; assumed", default=10.0
+        0, 1000, "m", "Largest distance between two points of a module; assumed", default=10.0
     )
-    length: float = number(1, 10e3, "m", "Cable per segment, including branches", default=100.0)
+    length: float = number(1, 10e3, "m", "Longest segment, including branches", default=100.0)
     repeaters: int = whole(0, 9, help="Repeaters between the master and a module", default=2)
     tree: bool = switch("Whether the cable branches; otherwise it is a daisy chain", default=True)
     cable: str = _cable(
-        "AS-i", "Cable, a key of the catalogue; the flat cable has no type approval for ships",
+        "AS-i", "Catalogue key of the cable; the flat cable has no type approval for ships",
         "ASI_MARINE",
     )  # fmt: skip
     current: float = number(
@@ -144,7 +144,9 @@ class AsiLimits:
     conversion: float = number(
         0, 10, "s", "Analogue conversion time; manufacturers state 20 to 60 ms", default=0.06
     )
-    repetitions: int = whole(0, 1000, help="Telegrams repeated in the worst response", default=1)
+    repetitions: int = whole(
+        0, 1000, help="Telegram repetitions in the worst-case response time", default=1
+    )
 
 
 @record(slots=True)
@@ -160,10 +162,10 @@ class CanLimits:
         0.001, 1, "", "Highest bus load; assumed, to leave room for errors", default=0.5
     )
     period_share: float = number(
-        0.01, 0.99, "", "Period of a message as a fraction of its points' update time; the rest is "
-        "its deadline. Assumed", default=0.5,
+        0.01, 0.99, "", "Period of a message as a fraction of its points' update time; the rest of "
+        "that time is the message's deadline. Assumed", default=0.5,
     )  # fmt: skip
-    cable: str = _cable("CAN", "Cable of the trunk, a key of the catalogue", "CAN_5_0p75")
+    cable: str = _cable("CAN", "Catalogue key of the trunk cable", "CAN_5_0p75")
 
 
 #: The limits of RS-485 as manufacturers state them; some state 1200 m, which is 4000 ft rounded.
@@ -183,24 +185,24 @@ class ModbusLimits:
         (9600, 19_200, 38_400, 57_600),
     )
     length: float = number(
-        1, 10e3, "m", "Longest cable between the ends or repeaters: EIA-485, 4000 ft up to 100 "
-        "kbit/s; above that, inversely proportional to the bit rate", default=_RS485.length,
+        1, 10e3, "m", "Longest cable between the ends or repeaters; EIA-485 gives 4000 ft up to "
+        "100 kbit/s and less above, in inverse proportion to the bit rate", default=_RS485.length,
     )  # fmt: skip
     unit_loads: int = whole(
-        2, 256, help="Devices between the ends or repeaters, including the master: EIA-485",
+        2, 256, help="Devices between ends or repeaters, master and repeaters included: EIA-485",
         default=_RS485.receivers,
     )  # fmt: skip
     repeaters: int = whole(0, 9, help="Maximum number of repeaters per loop", default=0)
     units: int = whole(1, 247, help="Unit ids per loop", default=247)
     processing: float = number(0, 60, "s", "Processing time of a station; assumed", default=0.005)
     timeout: float = number(
-        0.001, 60, "s", "Time-out beyond the longest response, after which the master uses the "
+        0.001, 60, "s", "Time that the master waits beyond the longest response before it uses the "
         'second line; "MODBUS over serial line" gives 1 s to several seconds', default=1.0,
     )  # fmt: skip
     character: str = choice(
         CHARACTERS, "Data bits, parity and stop bits of a character", default="8E1"
     )
-    cable: str = _cable("Modbus RTU", "Cable of the trunk, a key of the catalogue", "RS485_MARINE")
+    cable: str = _cable("Modbus RTU", "Catalogue key of the trunk cable", "RS485_MARINE")
 
 
 @record(slots=True)
@@ -215,7 +217,7 @@ class SupplyLimits:
     voltage: float = number(1, 60, "V", "Voltage of a supply", default=24.0)
     drop: float = number(
         0.001, 0.999, "", "Highest voltage drop to a station, module or coil, as a fraction of "
-        "the voltage: WAGO's marine modules accept 25 % less", default=0.25,
+        "the supply's voltage: WAGO's marine modules accept 25 % below 24 V", default=0.25,
     )  # fmt: skip
     rating: float = number(0.01, 1000, "A", "Largest current of a supply; assumed", default=20.0)
     station: float = number(0, 100, "A", "Current of a station without its points", default=0.5)
@@ -224,8 +226,8 @@ class SupplyLimits:
         0, 10, "A", "Current of a proximity switch or potentiometer; assumed", default=0.025
     )
     loop: float = number(
-        0, 1, "A", "Current of a 4-20 mA loop or output, also added per analogue channel of an "
-        "AS-i module; assumed at its upper limit", default=0.022,
+        0, 1, "A", "Current of a 4-20 mA loop or output, and of every analogue point of an AS-i "
+        "module; the upper limit is assumed", default=0.022,
     )  # fmt: skip
     solenoid: float = number(0, 10, "A", "Current of a coil: 6 W at 24 V, assumed", default=0.25)
     simultaneity: float = number(0, 1, "", "Fraction of coils that are on at once", default=0.6)
@@ -244,14 +246,14 @@ class _Plain:
     detour: float = number(
         1, 10, "", "Laid length of a cable as a multiple of its route; assumed", default=1.15
     )
-    tails: float = number(0, 1000, "m", "Length for both ends of a cable; assumed", default=5.0)
+    tails: float = number(0, 1000, "m", "Length added for both cable ends; assumed", default=5.0)
     # From the arrival of a value to its alarm or indication: scan, alarm logic and screen.
     host_time: float = number(
         0, 60, "s", "Time in the host, added if a rule includes it; assumed", default=0.5
     )
     spare: float = number(
-        0, 10, "", "Spares as a fraction of those in use: pairs of trunks, channels of the cabinet "
-        "or the stations, and ports of AS-i modules; assumed", default=0.2,
+        0, 10, "", "Spares as a fraction of those in use: pairs in trunks, channels of the cabinet "
+        "and the stations, and ports of AS-i modules; assumed", default=0.2,
     )  # fmt: skip
     redundant: bool = switch("Whether the trunks of CAN and Modbus are doubled", default=False)
     update: float = number(
@@ -262,13 +264,13 @@ class _Plain:
         "Whether cables from the cabinet feed stations and supplies in the field; otherwise "
         "local distribution boards do, which are not counted", default=True,
     )  # fmt: skip
-    feeder: str = _cable("hardwired", "Thinnest feeder cable, a key of the catalogue", "MI1P150")
+    feeder: str = _cable("hardwired", "Catalogue key of the thinnest feeder cable", "MI1P150")
     field_barriers: bool = switch(
         "Whether intrinsically safe points are on buses, through barriers in their boxes; if not, "
         "they have home runs to barriers in the cabinet", default=False,
     )  # fmt: skip
     list_lengths: bool = switch(
-        "Whether cables have the lengths in the list; otherwise positions determine the lengths",
+        "Whether the cable lengths in the list are used even for points whose position is known",
         default=True,
     )  # fmt: skip
 
@@ -282,7 +284,7 @@ _PARTS: Mapping[str, type[Any]] = MappingProxyType(
 )  # fmt: skip
 
 _HEAD = """\
-# The settings of a comparison. Change the values that you know better, and delete the other lines.
+# The settings of a comparison. Change values if you know better ones, and delete the other lines.
 """
 
 #: Comments that a settings file has in place of an empty table for a list's own words.
@@ -309,30 +311,28 @@ _LONG_KEY = re.compile(rf"(?<![\w\"-])(?:[\w\"-]+[ \t]*\.[ \t]*){{{_DEEPEST}}}")
 def _check_size(text: str, source: str) -> None:
     """Raise InputError if text is too long or too deeply nested to be read quickly."""
     if len(text) > _LARGEST:
-        raise InputError(
-            source, f"has {len(text)} characters; a file of settings may have {_LARGEST}"
-        )
+        raise InputError(source, f"has {len(text)} characters; at most {_LARGEST} are allowed")
     bare = _QUOTED.sub('""', text)
     depths = accumulate(1 if one in "[{" else -1 for one in _BRACKET.findall(bare))
     if max(depths, default=0) > _DEEPEST or _LONG_KEY.search(bare):
-        raise InputError(source, f"nests values more than {_DEEPEST} deep; settings need 2 levels")
+        raise InputError(source, f"nests values more than {_DEEPEST} deep; 2 levels are enough")
 
 
 @checked
 @dataclass(frozen=True, init=False, repr=False)
 class Settings(_Plain):
-    """Every limit, price and allowance of a design, each under one dotted name.
+    """The limits, prices and allowances of a design, each under its own name.
 
-    `table` lists all names with their legal values: some without a prefix, such as ``detour``,
-    then ``boxes.``, ``asi.``, ``can.``, ``modbus.``, ``supply.``, and ``assumptions.`` with prices,
-    hours and factors. The tables ``columns``, ``signals``, ``frames`` and ``decks`` define a
-    list's own words for `read_iolist`.
+    `table` lists all names with their legal values. Some names have no prefix, such as ``detour``;
+    others begin with ``boxes.``, ``asi.``, ``can.``, ``modbus.`` or ``supply.``; those of prices,
+    hours and factors begin with ``assumptions.``. The tables ``columns``, ``signals``, ``frames``
+    and ``decks`` define a list's own words for `read_iolist`.
 
     Parameters
     ----------
     values : mapping of str to object, optional
-        Values other than the defaults, by dotted name or nested as in TOML. An assumption is low,
-        nominal and high, or one number.
+        Values other than the defaults, by name or nested as in TOML. An assumption has three
+        values, low, nominal and high, or one number for all three.
 
     Raises
     ------
@@ -415,7 +415,7 @@ class Settings(_Plain):
         return made, made._take(values)
 
     def __getitem__(self, name: str) -> Any:
-        """Return a value by its dotted name."""
+        """Return the value of a setting by its name."""
         kind_of(name)
         part, _, own = name.rpartition(".")
         if part == "assumptions":
@@ -461,7 +461,7 @@ class Settings(_Plain):
         except ValueError as error:
             said = " ".join(str(error).split())[:200]
             if comma := _COMMA.search(text):
-                said += f"; {comma[1]} has a decimal comma, expected a point"
+                said += f"; {comma[1]} has a comma instead of a point"
             raise InputError(source, f"is not a TOML file: {said}") from None
         settings, faults = _default().tried(tables)
         if faults:
@@ -515,7 +515,7 @@ def _kinds() -> Mapping[str, Kind]:
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of all values."""
+    """Return the names of all settings."""
     return tuple(_kinds())
 
 
@@ -572,7 +572,7 @@ def _plain(value: object) -> object:
         value = tuple(value)
     for one in value if isinstance(value, tuple) else (value,):
         if not isinstance(one, bool | str) and not _is_number(one):
-            raise ArgumentError("it is not a value")
+            raise ArgumentError("it must be a number, text or a boolean, or a list of these")
     return value
 
 

@@ -34,8 +34,8 @@ LOADS: Mapping[str, str] = MappingProxyType(
     }
 )  # fmt: skip
 
-#: Layers of nodes, each with one node per device: 0 for single lines, lines A and AS-i; 1 for lines
-#: B and the master side of AS-i repeaters; 2 for feeders of the outputs of AS-i modules.
+#: Layers of nodes, each with one node per device: 0 for single lines, lines A and AS-i lines; 1
+#: for lines B and the master side of AS-i repeaters; 2 for feeders of the outputs of AS-i modules.
 _LINE_B, _OUTPUTS, _LAYERS = 1, 2, 3
 
 
@@ -48,7 +48,7 @@ class Forest:
     #: Next node towards the supply, and the cable run to it.
     parent: Indices
     run: Indices
-    #: Length [m] and resistance of both conductors [ohm/m] of that run.
+    #: Length of that run [m], and resistance of both its conductors together [ohm/m].
     metres: Floats
     ohms: Floats
     #: Current that each node draws, and the additional current of a shorted point [A].
@@ -71,11 +71,11 @@ class Forest:
     def solve(self, *, short: bool = False) -> tuple[Floats, Floats]:
         """Return the current into each node [A], and the voltage drop up to it [V].
 
-        With `short`, the drop along each run includes the current of a shorted point at its node.
+        With `short`, the drop along each 24 V run includes the current of one shorted point.
         """
         flow, drop = self.load.copy(), np.zeros(len(self.load))
         for level in reversed(self.levels):
-            np.add.at(flow, self.parent[level], flow[level])  # in fixed order: reproducible
+            np.add.at(flow, self.parent[level], flow[level])  # fixed order, for reproducible sums
         along = flow + self.short if short else flow
         for level in self.levels:
             lost = self.metres[level] * self.ohms[level] * along[level]
@@ -83,7 +83,7 @@ class Forest:
         return flow, drop
 
     def cut(self, nodes: Sequence[int], metres: float) -> Forest:
-        """Return a forest in which some nodes have their own supplies at a distance [m]."""
+        """Return a forest in which each of `nodes` has its own supply, `metres` of cable away."""
         if not nodes:
             return self
         new = len(self.parent) + np.arange(len(nodes))
@@ -260,9 +260,9 @@ class Feeders(NamedTuple):
     cable: Mapping[int, str]
     #: Former supply of each run that is replaced by a supply beside the device at its far end.
     own: Mapping[int, int]
-    #: Supplies that no longer feed a device.
+    #: Supplies that no longer feed any device.
     idle: Collection[int]
-    #: Devices underpowered even with a supply beside them: value, limit and unit.
+    #: Devices that violate a limit even with a supply beside them: name, value, limit and unit.
     weak: Sequence[tuple[str, float, float, str]]
 
 
@@ -293,7 +293,7 @@ def sized(design: Layout) -> Feeders:
     trees = replace(trees, ohms=np.where(trees.metres > 0, 1.0, 0.0))
     (flow, _), (_, lost) = trees.solve(), trees.solve(short=True)
     roots = trees.root[feeders]
-    # The highest allowed resistance per metre of each tree, and its largest current.
+    # For each tree, the highest allowed resistance per metre and the largest current.
     left = (trees.allowed[feeders] - trees.spur[feeders]) / np.maximum(lost[feeders], 1e-12)
     most, into = np.full(len(flow), np.inf), np.zeros(len(flow))
     np.minimum.at(most, roots, left)
@@ -320,7 +320,7 @@ def sized(design: Layout) -> Feeders:
 
 
 def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: Indices) -> Floats:
-    """Return the cost of each tree's feeders, with one cable and supplies at some nodes [EUR].
+    """Return each tree's feeder cost for one cable and supplies at the nodes `own` [EUR].
 
     Prices are nominal values of the data files, so a plan does not depend on prices in settings.
     Moving a supply out of the cabinet costs as much as adding one, because it needs a housing.
@@ -383,7 +383,7 @@ def _cuts(
 
 
 def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return a table with one row per supply, and one with one row per fed device and line."""
+    """Return two tables: one row per supply, and one row per fed device and line."""
     trees, devices, runs = forest(design), design.devices, design.cables
     (flow, drop), (_, shorted) = trees.solve(), trees.solve(short=True)
     line = devices["segment"].isin(design.segments.query("bus == 'AS-i'")["segment"])

@@ -101,7 +101,7 @@ def devices(design: Layout) -> pd.DataFrame:
 
 
 def points(design: Layout) -> pd.DataFrame:
-    """Return all points of the list with their channels, including those that do not fit."""
+    """Return all points of the list, including those that do not fit, with their channels."""
     columns = ["tag", "system", "type", "signal", "x_m", "y_m", "z_m", "update_ms"]
     listed, own = design.iolist.points[columns], design.points.drop(columns="tag")
     # A hardwired point ends on a card in the cabinet, even if its cable passes through a box.
@@ -118,7 +118,8 @@ def terminals(design: Layout) -> pd.DataFrame:
     """Return the terminal plan: one row per core with its signal and its terminal at each end.
 
     The terminals of each device are numbered from 1 in the order of the cables. Cores that meet in
-    a junction box share a terminal, as do the returns of one signal. Spare cores have no terminal.
+    a junction box share a terminal, as do the returns that share a core of its trunk. Spare cores
+    have no terminal.
     """
     runs = design.cables
     size = runs["conductors"].to_numpy(np.intp)
@@ -162,7 +163,7 @@ def terminals(design: Layout) -> pd.DataFrame:
 
 
 def _wires(design: Layout) -> Iterator[str]:
-    """Yield the name of each core: the signal in the cable of a bus, otherwise the number."""
+    """Yield the name of each core, such as CAN_H or L+, or its number if it has no name."""
     bus = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     runs = design.cables
     for kind, segment, cores in zip(runs["kind"], runs["segment"], runs["conductors"], strict=True):
@@ -177,11 +178,11 @@ _Joint: TypeAlias = tuple[list[tuple[int, int]], str]
 
 
 def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
-    """Yield the row of each box's trunk, and the wires joined to each of its cores.
+    """Yield the row of each trunk of a box, and the wires joined to each core of the trunk.
 
-    The planner divides the points of a box among its trunks in order, so the conductors in use
-    show where a trunk ends. In a trunk, the pairs of points with their own return come first, then
-    one conductor per point with a common return, then the returns.
+    The planner divides the points of a box among its trunks in order, so the number of
+    conductors in use shows which points share a trunk. In a trunk, the pairs of points with their
+    own return come first, then one conductor per point with a common return, then these returns.
     """
     runs = design.cables
     kinds = dict(zip(design.points["tag"], design.iolist.points["signal"], strict=True))
@@ -208,7 +209,7 @@ def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
 
 
 def _joints(drops: Iterable[tuple[int, str, int]]) -> list[_Joint]:
-    """Return the wires joined to each core of a trunk; each drop is (row, signal, wires)."""
+    """Return the wires joined to each core of a trunk; a drop is (row, signal, number of wires)."""
     pairs, shared, returns = list[_Joint](), list[_Joint](), dict[str, list[tuple[int, int]]]()
     for drop, kind, wires in drops:
         common = SIGNALS[kind].common

@@ -13,8 +13,8 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.signals import find_signal, meanings, plain, spellings
 from shipnet.tables import Sheet
 
-#: Columns of an I/O list in order, and their contents: text, or a quantity whose unit ends the
-#: column's name. `data/iolist_words.csv` has their titles.
+#: Columns of an I/O list in order, and their contents: text, a whole number, or a quantity whose
+#: unit is the suffix of the column's name. `data/iolist_words.csv` has their titles.
 COLUMNS: Mapping[str, str] = {
     "tag": "text", "system": "text", "type": "text", "signal": "text", "conductors": "whole",
     "x_m": "length", "y_m": "length", "z_m": "length", "box": "text", "box_x_m": "length",
@@ -26,7 +26,7 @@ COLUMNS: Mapping[str, str] = {
 PLACED: Mapping[str, str] = {
     "frame": "a frame within [frames], such as FR 34+200",
     "deck": "one of [decks]",
-    "side": "P, S or C with metres, such as P 4.2",
+    "side": "P or S with metres, such as P 4.2, or C",
     "location": "frame, deck and side, such as FR 34+200, DK3, P 4.2",
 }
 
@@ -86,7 +86,7 @@ class Reading(NamedTuple):
         return own.get(plain(word), word)
 
     def place(self, cells: Mapping[str, str]) -> tuple[float, float, float] | str:
-        """Return the position given by frame, deck and side, or the name of an unknown part."""
+        """Return the position given by frame, deck and side, or the name of the unknown part."""
         parts = {name: cell.replace(",", ".") for name, cell in cells.items() if name != "location"}
         # A comma before a digit is a decimal comma.
         several = re.split(r"[;/]|,(?![0-9])", cells.get("location", ""))
@@ -186,7 +186,7 @@ _LEGAL = {
 
 
 class Column(NamedTuple):
-    """The meaning of a title: the name of the column, and the factor to the column's unit."""
+    """The meaning of a title: the column, and the factor that converts values to its unit."""
 
     name: str
     scale: float = 1.0
@@ -256,7 +256,7 @@ def widened(cell: str) -> str:
 
 
 def decimal_mark(cells: Iterable[str]) -> str:
-    """Return the decimal mark of a list: a point, a comma, or "" if its numbers show neither."""
+    """Return a list's decimal mark: a point, a comma, or "" if its numbers show neither or both."""
     marks = set()
     for cell in set(cells):
         found = _CELL.fullmatch(widened(cell))
@@ -270,8 +270,8 @@ def decimal_mark(cells: Iterable[str]) -> str:
 def read_number(cell: str, mark: str, scale: float, units: Mapping[str, float]) -> float | None:
     """Return a cell's number in the unit of its column, or None if it is illegible or ambiguous.
 
-    `scale` belongs to the title's unit; a unit in the cell overrides it. A comma is ambiguous if it
-    may mark decimals or separate thousands.
+    `scale` is the factor for the unit in the title; a unit in the cell overrides it. A comma is
+    ambiguous if it may mark decimals or separate thousands.
     """
     found = _CELL.fullmatch(widened(cell))
     if found is None or (found[3] and found[3].casefold() not in units):

@@ -266,8 +266,8 @@ def test_the_price_of_barriers_in_the_cabinet_is_the_difference_from_barriers_in
     )
     said = "Intrinsically safe points: 1, each with a barrier in"
     assert (
-        f"{said} the cabinet; CAN costs {more} EUR more than with field_barriers, which puts them "
-        "onto the bus." in inside.conclusions()
+        f"{said} the cabinet; CAN costs {more} EUR more than with field_barriers, which connects "
+        "such points to the bus." in inside.conclusions()
     )
     assert (
         f"{said} its box; CAN costs {more} EUR less than with home runs to barriers in the "

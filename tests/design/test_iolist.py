@@ -134,7 +134,7 @@ def test_a_list_in_many_spellings_gives_the_same_points():
         ({"home run": "12,500"}, r"column home run: '12,500'; expected a number 0..10000 m"),
         ({"update": "0"}, r"column update: '0'; expected a number above 0, up to 3600000 ms"),
         ({"update": "-5"}, r"column update: '-5'; expected a number above 0"),
-            ({"jb": ""}, "column jb: is empty; expected a name for the given position"),
+            ({"jb": ""}, "column jb: is empty; expected a name for the given position or length"),
     ],
 )  # fmt: skip
 def test_a_faulty_cell_is_named_with_what_is_expected(changes, fault):
@@ -297,7 +297,7 @@ def test_every_spelling_finds_its_signal_by_kind_and_conductors():
         for name, _ in found:
             signal = SIGNALS[name]
             assert find_signal(word.upper(), signal.kind, signal.conductors) == name
-    with pytest.raises(ArgumentError, match="known are contact, "):
+    with pytest.raises(ArgumentError, match="known signals are contact, "):
         find_signal("qqqqqqqq")
 
 

@@ -234,11 +234,11 @@ def test_the_command_says_if_listed_home_runs_differ_from_computed_ones(tmp_path
     points = tmp_path / "points.csv"
     points.write_text(LIST, encoding="utf-8")
     command = ["design", str(points), "--options", "home runs,CAN", "--cabinet"]
-    said = "Home runs keep the lengths of the list, 0.261 km for 8 points; computed like all"
+    said = "Home runs have the lengths in the list, 0.261 km in total for 8 points; computed from"
     assert main([*command, "0,0,0"]) == 0
     assert said not in capsys.readouterr().out
     assert main([*command, "60,0,0"]) == 0
-    assert f"{said} other cables, from the cabinet at 60, 0, 0 m" in capsys.readouterr().out
+    assert f"{said} positions, with the cabinet at 60, 0, 0 m, the total" in capsys.readouterr().out
 
 
 def test_a_list_without_places_has_no_position_of_the_cabinet(tmp_path, capsys):

@@ -151,7 +151,7 @@ def test_unnamed_systems_do_not_count_as_one():
     unnamed = replace(design.iolist, points=design.iolist.points.assign(system=""))
     row = judged(changed(design, iolist=unnamed), "systems on one link", 1.0)
     assert (row["verdict"], row["why"]) == (
-        "not verified", "the list names no system for 4 points lost by a cut",
+        "not verified", "the list names no system for 4 points lost in a failure",
     )  # fmt: skip
     partly = design.iolist.points.assign(system=["", "", "Fuel oil", "Bilge"])
     row = judged(changed(design, iolist=replace(unnamed, points=partly)), "systems on one link", 1)
