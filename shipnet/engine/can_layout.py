@@ -2,7 +2,7 @@
 
 The paper prints no mapping; we assume this one. A box sends its analogue values first, with `bits`
 bits each, most significant bit first, padded to a whole byte; then its switches, eight per byte,
-the first in the least significant bit. The bytes are split into frames of eight.
+the first in the least significant bit. The data are sent in frames of at most 8 bytes.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import part, record, whole
 from shipnet.lazy import pd
 
-#: Data bytes of a classic CAN frame; ISO 11898-1.
+#: Largest number of data bytes in a classic CAN frame; ISO 11898-1.
 _FRAME = 8
 
 #: Distance between the first identifiers of consecutive boxes, and the highest 11-bit identifier.
@@ -30,10 +30,10 @@ _ID_STEP, _HIGHEST_ID = 0x100, 0x7FF
 @checked
 @record
 class CanLayout:
-    """The mapping of points to CAN frames: box k, 1 to 7, sends identifiers from 0x100 k upwards.
+    """The mapping of points to CAN frames: box k (1 to 7) sends identifiers from 0x100 * k up.
 
     The identifiers, and therefore the priorities, are assumed: JB1 before JB2 before JB3. If `bits`
-    does not divide 64, some values are split between two frames; `table` shows which.
+    does not divide 64, values may be split between two frames; `table` shows which.
 
     Examples
     --------

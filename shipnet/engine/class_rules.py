@@ -1,7 +1,7 @@
 """The class rules that lee2012 quotes in section II, and the check of a system against them.
 
-A rule that needs a value missing from the description is not verified. The text of the rules was
-not available to us; `Rule.elsewhere` says what public texts require on the same matter.
+A rule is not verified if the description lacks a value that the rule needs. The text of the rules
+was not available to us; `Rule.elsewhere` says what public texts require on the same matter.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from shipnet.modbus.uart import SerialLine
 
 Verdict = Literal["met", "violated", "not verified"]
 
-#: Protocols with an open international standard or public specification, and their CRCs.
+#: Open international standard or public specification of each protocol, and its CRC, if any.
 STANDARDS: dict[str, tuple[str, Crc | None]] = {
     "CAN": ("ISO 11898-1", CAN),
     "Modbus RTU": ("MODBUS over serial line V1.02", MODBUS),
@@ -62,8 +62,8 @@ class Redundancy:
     """
 
     points: PointList = part(PointList, "One or more points", make=PointList)
-    supplies: int = whole(1, 4, "", "Supplies of each box", default=1)
-    cpus: int = whole(1, 4, "", "Processors of each box", default=1)
+    supplies: int = whole(1, 4, "", "Supplies per box", default=1)
+    cpus: int = whole(1, 4, "", "Processors per box", default=1)
 
     def table(self) -> pd.DataFrame:
         """Return the effect of each ``dead`` part: ``boxes_lost``, ``points_lost``."""
@@ -98,10 +98,10 @@ class Redundancy:
 @checked
 @record
 class Description:
-    """Data of a monitoring system, for checking the class rules; None means unknown.
+    """Data of a monitoring system, to be checked against the class rules; None means unknown.
 
-    `links` maps each link to the stations on it other than the master, and `routes` maps each link
-    to the spaces or trays that it runs through.
+    `links` maps each link to its stations, not counting the master, and `routes` maps each link to
+    the spaces or trays that it runs through.
 
     Examples
     --------
@@ -111,10 +111,10 @@ class Description:
     """
 
     points: PointList = part(PointList, "One or more points", make=PointList)
-    cpus: int | None = whole(1, 4, "", "Processors of each box", default=None, optional=True)
-    supplies: int | None = whole(1, 4, "", "Supplies of each box", default=None, optional=True)
+    cpus: int | None = whole(1, 4, "", "Processors per box", default=None, optional=True)
+    supplies: int | None = whole(1, 4, "", "Supplies per box", default=None, optional=True)
     power_switch_over: float | None = number(
-        0, 3600, "s", "Duration of a change-over of the supply", default=None, optional=True
+        0, 3600, "s", "Duration of a supply change-over", default=None, optional=True
     )
     volatile: bool | None = switch(
         "Whether settings or programs are stored in volatile memory", default=None,
@@ -151,9 +151,9 @@ class Description:
     def printed(cls) -> Description:
         """Return the description of the system as printed in lee2012.
 
-        It has one microcontroller per box (section IV.1), CAN and Modbus RTU, two channels to JB1
-        and JB3 (Fig 3) and 9600 bit/s 8E1 (Table 2). We assume that one request polls all 99
-        points.
+        It has one microcontroller per box (section IV.1), CAN and Modbus RTU, one channel to JB1
+        and one to JB3 (Fig 3), and 9600 bit/s 8E1 (Table 2). We assume that one request polls all
+        99 points.
         """
         points = read_points()
         return cls(
@@ -176,8 +176,8 @@ class Rule:
     """A class rule as the paper quotes it: the requirement on an object, its measure and its limit.
 
     `compute` is called with a system and the value of the field that `known` names. The limit is
-    the highest permitted value, or the lowest with `at_least`; `elsewhere` says what public texts
-    require on the same matter.
+    the highest permitted value, or the lowest if `at_least` is true; `elsewhere` says what public
+    texts require on the same matter.
     """
 
     name: str
@@ -216,7 +216,7 @@ def _standard(system: Description, protocols: tuple[str, ...]) -> _Outcome:
 
 
 def _apart(system: Description, links: Mapping[str, tuple[str, ...]]) -> _Outcome:
-    """Return the largest number of links with nothing in common, and the names that links share."""
+    """Return the largest number of links that share no name, and the names that links share."""
     sets = [set(touched) for touched in links.values()]
     shared: set[str] = set().union(*(a & b for a, b in combinations(sets, 2)))
     why = f"shared: {', '.join(sorted(shared))}" if shared else ""

@@ -1,4 +1,4 @@
-"""Faults of the system; times are in seconds from the start of the AMS."""
+"""Faults of the system; times are in seconds from the start of the simulation."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class CanBreak(EngineFault):
 
     Notes
     -----
-    A break splits the bus into two parts, each with one of the two terminators. Both parts are
-    **assumed** to work, as they can on short cables at low bit rates. Frames queued or on the bus
-    at the break, or at its repair, are lost. An isolated box receives no acknowledgement.
+    In a line, a break splits the bus into two parts, each with one of the two terminators. Both
+    are **assumed** to work, as they can on short cables at low bit rates. Frames queued or on the
+    bus when the cable breaks or is repaired are lost. An isolated box receives no acknowledgement.
 
     Examples
     --------
@@ -77,7 +77,7 @@ class DeadPort(EngineFault):
 
 @record
 class DeadBox(EngineFault):
-    """A box has no supply or a dead CPU; it restarts without the values of the other boxes.
+    """A box has no supply or a dead CPU; after the fault it restarts with no stored values.
 
     Examples
     --------
@@ -90,7 +90,7 @@ class DeadBox(EngineFault):
 
 @record
 class BusOff(EngineFault):
-    """The CAN controller of a box has left the bus; the box neither sends nor receives.
+    """The CAN controller of a box is bus-off; the box neither sends nor receives CAN frames.
 
     Examples
     --------
@@ -103,7 +103,7 @@ class BusOff(EngineFault):
 
 @record
 class StuckSensor(EngineFault):
-    """The input of a point, named by its tag, no longer changes.
+    """The input of a point no longer changes; `where` is the tag of the point.
 
     Examples
     --------
@@ -117,7 +117,7 @@ class StuckSensor(EngineFault):
 
 @record
 class OpenWire(EngineFault):
-    """A wire of a sensor, named by its tag, is broken.
+    """A wire of a sensor is broken; `where` is the tag of the point.
 
     Examples
     --------
@@ -131,7 +131,7 @@ class OpenWire(EngineFault):
 
 @record
 class ShortCircuit(EngineFault):
-    """The wires of a sensor, named by its tag, touch each other.
+    """The wires of a sensor are short-circuited; `where` is the tag of the point.
 
     Examples
     --------
@@ -145,7 +145,7 @@ class ShortCircuit(EngineFault):
 
 @record
 class LostCanFrames(EngineFault):
-    """CAN frames of a box are lost at random at each receiver, because its buffers overrun.
+    """Each receiver loses CAN frames of a box at random, because the receiver's buffers overrun.
 
     Examples
     --------
@@ -162,7 +162,7 @@ class LostCanFrames(EngineFault):
 
 @record
 class LostModbusFrames(EngineFault):
-    """Modbus frames of a channel, ``"1"`` or ``"2"``, are damaged at random.
+    """Modbus frames on a channel are damaged at random; `where` is ``"1"`` or ``"2"``.
 
     Examples
     --------

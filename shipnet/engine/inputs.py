@@ -74,11 +74,11 @@ def _within(name: str, value: npt.ArrayLike, low: float, high: float, unit: str)
 #: Zero and full scale of a current loop [A].
 _LOOP = (4e-3, 20e-3)
 
-#: Currents that distinguish a failure (outer two) from a value (between the inner two): NAMUR NE 43
-#: [A].
+#: Limits of NAMUR NE 43 [A]: currents between the inner two are values; currents up to the first,
+#: or from the last up, are failures.
 NAMUR = (3.6e-3, 3.8e-3, 20.5e-3, 21e-3)
 
-#: The same limits as fractions of the span above its zero; they also apply to thermometers.
+#: The same limits, scaled so that 4 mA is 0 and 20 mA is 1; they also apply to thermometers.
 _PARTS = [(i - _LOOP[0]) / (_LOOP[1] - _LOOP[0]) for i in NAMUR]
 
 #: Signal of each kind of sensor by wire fault: resistance [ohm], current [A], contact (1 is
@@ -93,11 +93,11 @@ WIRE_FAULTS: dict[Literal["open", "short"], dict[str, float]] = {
 @checked
 @record
 class InputCard:
-    """The converters of a list of points: R/V, I/V and B/V.
+    """The converters of a list of points: R/V (resistance), I/V (current) and B/V (switch).
 
     Values and codes are arrays of shape (..., n_points). A switch has value 1 on alarm; its contact
     is then open, or closed if its `signal` begins with ``NO``. A closed contact gives 0 V after its
-    opto-coupler, and its code has one bit.
+    opto-coupler. The code of a switch has one bit.
 
     Examples
     --------
@@ -121,13 +121,13 @@ class InputCard:
     margin: float = number(
         0, 1, "",
         "Extension of the amplifier's window beyond each end of the range, as a fraction of the "
-        "span. As printed, it is 0: 4..20 mA map to 0..5 V. With 0.125, 2..22 mA map to 0..5 V, so "
-        "that failures can be distinguished from values", default=0.0, kw_only=True,
+        "span. In the printed design it is 0: 4..20 mA map to 0..5 V. With 0.125, 2..22 mA map to "
+        "0..5 V, so that failures can be distinguished from values", default=0.0, kw_only=True,
     )  # fmt: skip
 
     @property
     def highest(self) -> int:
-        """Highest code; a step is the reference divided by the highest code plus one.
+        """Highest code, ``2**bits - 1``; a step is the reference divided by ``2**bits``.
 
         Atmel, AT90CAN128 data sheet 4250E-CAN-12/04, p. 277: "the reference minus one LSB".
         """
@@ -135,11 +135,11 @@ class InputCard:
 
     @property
     def step(self) -> float:
-        """Voltage from one code to the next [V]."""
+        """Voltage difference between two successive codes [V]."""
         return float(self.reference / 2**self.bits)
 
     def signal(self, values: npt.ArrayLike) -> Floats:
-        """Return resistances [ohm], currents [A] within 3.8..20.5 mA, or contacts (1: closed)."""
+        """Return resistances [ohm], currents clipped to 3.8..20.5 mA [A], contacts (1: closed)."""
         v = by_point(self.points, "values", values).astype(np.float64)
         signals = np.empty(v.shape)
         for k, point in enumerate(self.points):
@@ -177,7 +177,7 @@ class InputCard:
         return np.asarray(np.clip(u, 0, self.reference))
 
     def code(self, signal: npt.ArrayLike) -> Words:
-        """Return the codes of signals; for a switch, the bit of its port."""
+        """Return the codes of signals; for a switch, 0 if its contact is closed, 1 if open."""
         u = self.voltage(signal)
         analogue = np.array([point.analogue for point in self.points])
         steps = np.clip(np.floor(u / self.step + 0.5), 0, self.highest)
@@ -211,10 +211,10 @@ class InputCard:
 
     @property
     def limits(self) -> Integers:
-        """Highest code of a low failure and lowest code of a high failure, shape (n_points, 2).
+        """Low and high limits of codes, shape (n_points, 2); codes at or beyond one are failures.
 
-        The limits are the codes of 3.6 and 21 mA, and of the same fractions of a thermometer's
-        span. A limit whose code could also be a value is set outside the range of codes.
+        The limits are the codes of 3.6 and 21 mA, or, for a thermometer, of the same fractions of
+        its span. A limit whose code could also be a value is set outside the range of codes.
         """
         ends = self._ends
         signals = [ends[:, 0] + part * (ends[:, 1] - ends[:, 0]) for part in _PARTS]
@@ -236,8 +236,8 @@ class InputCard:
     def accuracy(self) -> pd.DataFrame:
         """Return resolution and conversion error: one row per kind of analogue input.
 
-        ``step_low`` and ``step_high`` are the steps at the ends of the range. Only quantisation is
-        counted: sensors and amplifiers are assumed to be ideal.
+        ``step_low`` and ``step_high`` are the changes in value per code at the ends of the range.
+        Only quantisation is counted: sensors and amplifiers are assumed to be ideal.
         """
         rows = []
         for k, count in self.points.kinds():
@@ -270,7 +270,7 @@ class InputCard:
         return self.code([WIRE_FAULTS[wire][point.condition] for point in self.points])
 
     def wire_faults(self) -> pd.DataFrame:
-        """Return a box's readings of a broken wire and a short circuit: two rows per kind of input.
+        """Return what a box reads with broken or short-circuited wires: two rows per kind of input.
 
         ``reads`` is the value decoded from ``code``; ``detected`` is true if the card's limits show
         that the code is a failure.

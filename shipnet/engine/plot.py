@@ -35,7 +35,7 @@ _LABELS = {name: f"{name} interrupt" for name in ("CAN", "timer", "Modbus")}
 #: Greys of the frames on the bus, by sender.
 _SENDERS = ("0.25", "0.55", "0.8")
 
-#: Maximum number of bars, tiles per row of the screen, and size of the tiles' text [1/72 inch].
+#: Maximum number of bars, number of tiles per row, and size of the tiles' text [1/72 inch].
 _MOST_BARS, _TILES, _SIZE = 5000, 9, 9
 
 
@@ -43,7 +43,7 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
     """Draw the work of CPUs and lines as rows of bars; each CAN sender has one shade of grey."""
     ax = style.axes(ax)
     if not 1 <= len(table) <= _MOST_BARS:
-        raise ArgumentError(f"table has {len(table)} rows; it must be 1..{_MOST_BARS}")
+        raise ArgumentError(f"table has {len(table)} rows; it must have 1..{_MOST_BARS}")
     names = [str(name) for name in table["row"].unique()]
     looks = dict(_TASKS)
     for sender in table.loc[table["row"] == "CAN", "task"].unique():
@@ -74,7 +74,7 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
 def plot_ages(
     ages: pd.DataFrame, *, ax: Axes | None, limits: Mapping[str, float] | None, label: str
 ) -> Axes:
-    """Draw the age of a point over time, with a bar at the top edge while it is marked."""
+    """Draw the age of a point over time; a bar near the top shows when the point is marked."""
     ax = style.axes(ax)
     good = ages["age_s"].notna()
     gap = np.full(len(ages), np.nan)
@@ -125,7 +125,7 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
                 corners, facecolors=colours, edgecolors="0.3", linewidths=0.5, hatch=hatch
             )
         )  # fmt: skip
-    # Drawing hundreds of text objects takes ten times as long as a collection of outlines.
+    # Drawing hundreds of text objects takes ten times as long as drawing one set of outlines.
     ax.add_collection(
         PathCollection(
             [_outline(text) for *_, text, _ in words],
@@ -151,7 +151,7 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
 
 @lru_cache(maxsize=4096)
 def _outline(text: str) -> Path:
-    """Return the outline of `text`, centred on its capitals [1/72 inch]."""
+    """Return the outline of `text` [1/72 inch], centred on the origin: vertically, its capitals."""
     path = TextPath((0, 0), text, size=_SIZE)
     ends = path.vertices[:, 0]
     middle = (ends.min() + ends.max()) / 2
@@ -168,7 +168,7 @@ def plot_system(
 ) -> Axes:
     """Draw the boxes with their numbers of points, the CAN cables and the AMS's two channels.
 
-    `failed` pairs the place of each failure (box, cable or channel) with the text at its cross.
+    `failed` gives, for each failure, its place (box, cable or channel) and the text at its cross.
     """
     ax = style.axes(ax)
     look = {"facecolor": "white", "edgecolor": "0.2", "zorder": 2}
@@ -198,7 +198,7 @@ def plot_system(
         if where in counts:
             y -= 0.35  # below the box, so that its name stays readable
         ax.plot([x], [y], marker="X", markersize=11, color=LIMIT["color"], zorder=4)
-        on_cable = where in ("1", "2")  # beside the cable, because its name is below
+        on_cable = where in ("1", "2")  # beside the cable; the channel's name is below
         ax.annotate(
             text, (x, y), (-9, 0) if on_cable else (0, -10),
             textcoords="offset points", color=LIMIT["color"],

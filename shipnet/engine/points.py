@@ -77,7 +77,7 @@ class Point:
             raise ArgumentError(f"range is {self.low:g}..{self.high:g}; that of a switch is 0..1")
         if self.condition == "RTD" and not PT100[0] <= self.low < self.high <= PT100[1]:
             raise ArgumentError(
-                f"range is {self.low:g}..{self.high:g}; a Pt100 has -200..850 degC (IEC 60751)"
+                f"range is {self.low:g}..{self.high:g}; a Pt100 covers -200..850 degC (IEC 60751)"
             )
 
     @property
@@ -248,7 +248,7 @@ def read_points(path: str | PathLike[str] | None = None) -> PointList:
     Raises
     ------
     InputError
-        If the file cannot be read or a row is not a point; all faults are listed with their rows.
+        If the file cannot be read, lacks points or a required column, or has invalid rows (listed).
 
     Notes
     -----

@@ -62,7 +62,7 @@ class Coding:
     step: float | Literal["full scale", "decimal"]
     error: int = whole(0, 0xFFFF, "", "Content that marks a missing value")
     bits: int = whole(
-        2, 16, "", "Bits in use; unless the step is the full scale, the number is in two's "
+        2, 16, "", "Bits in use; unless `step` is 'full scale', the number is in two's "
         "complement, with its sign extended to the whole register", default=16,
     )  # fmt: skip
 
@@ -123,7 +123,7 @@ class Coding:
         return np.array([self.step_of(point) for point in points]), zero
 
     def _bounds(self, points: PointList) -> tuple[Floats, Floats]:
-        """Return the lowest and highest number in each register, excluding the error mark."""
+        """Return the lowest and highest number per register, without -32768 if it is the mark."""
         signed = self.step != "full scale"
         high = 2 ** (self.bits - signed) - 1
         low = -high - (self.error != 2**15) if signed else 0

@@ -1,6 +1,6 @@
 """The result of a simulation: the traffic on both buses, and what the AMS shows.
 
-Times are whole nanoseconds from the start of the AMS in arrays, and seconds in tables.
+Times run from the start of the AMS, in whole nanoseconds in arrays and in s or ms in tables.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _Slices = list[tuple[int, int, str]]
 
 
 class Cpu:
-    """The CPU time left by Modbus interrupts of equal length, which do not overlap [ns]."""
+    """The CPU time [ns] not used by Modbus interrupts of equal length, which do not overlap."""
 
     def __init__(self, begins: npt.ArrayLike, length: int) -> None:
         self.begins = np.asarray(begins, dtype=np.int64)
@@ -54,7 +54,7 @@ class Cpu:
         return np.asarray(left + self.length * begun, dtype=np.int64)
 
     def queue(self, due: Integers, work: int) -> Integers:
-        """Return the start times of jobs that run one after another, in CPU time (see `at`) [ns].
+        """Return the start times of jobs that run one after another, as CPU times (see `at`) [ns].
 
         `due` must be in rising order; `work` is the CPU time per job.
         """
@@ -67,7 +67,7 @@ OUTCOMES = ("answered", "no answer", "response damaged")
 
 
 class Attempts(NamedTuple):
-    """Requests in order of time: poll, channel (0 or 1), first bit [ns], index in `OUTCOMES`.
+    """Requests in chronological order: poll, channel (0 or 1), start [ns], index in `OUTCOMES`.
 
     `heard` is True if the box received the request, even if no response began.
     """
@@ -84,7 +84,7 @@ NEVER = -1 << 62
 
 
 class Rounds(NamedTuple):
-    """Rounds of one box's loop, by number [ns]; `NEVER` for steps that did not happen.
+    """Times of one box's rounds, by round number [ns]; `NEVER` for steps that did not happen.
 
     A round begins at `work`, a CPU time as in `Cpu.at`. Its values are ready at `converted`, and
     its frames are queued for the bus at `queued`.
@@ -98,8 +98,8 @@ class Rounds(NamedTuple):
 class Frames(NamedTuple):
     """Frames that were sent on the bus, in no particular order.
 
-    `start` is the first bit and `arrival` the end without the intermission [ns]; bit k of `hearers`
-    is set if box k is on the sender's part of the bus.
+    A frame begins at `start` and ends, before the intermission, at `arrival` [ns]; bit k of
+    `hearers` is set if box k is on the sender's part of the bus.
     """
 
     message: Integers
@@ -116,7 +116,7 @@ class Frames(NamedTuple):
 
 
 def marks(system: System, cpu: Cpu, heard: Integers) -> Integers:
-    """Return the CPU times at which the timer marks a box whose frames arrive at `heard` [ns]."""
+    """Return the CPU times [ns] at which the timer marks a box whose frames are read at `heard`."""
     limit = nanoseconds(system.stale_limit)
     silent = np.diff(heard, append=heard[-1:] + limit + 1) > limit
     return cpu.until(heard[silent] + limit)
@@ -126,8 +126,8 @@ class Views(NamedTuple):
     """The AMS's data after each response, one row per response.
 
     `seen` is the time at which the response was complete [ns]. For each message, `number` is the
-    round of its values, -1 if they are missing or marked, and `known` is the AMS's lower bound
-    on their sampling time [ns].
+    round in which its values were sampled, -1 if they are missing or marked, and `known` is the
+    AMS's lower bound on their sampling time [ns].
     """
 
     seen: Integers
@@ -139,7 +139,7 @@ class Shown(NamedTuple):
     """What the AMS shows for a point, one entry per view, from `seen` to `until` [ns].
 
     `sampled` is the sampling time of the value. The value is shown as good until `good_until`,
-    which equals `seen` if it is marked from the start.
+    which equals `seen` if the value is marked from the start.
     """
 
     seen: Integers
@@ -157,7 +157,7 @@ _ERROR = 0xFF
 
 
 class SyntheticValues:
-    """Synthetic values: a slow wave around a mean for every point.
+    """Synthetic values: for each analogue point, a slow wave around a mean.
 
     Mean (40..60 % of the range), amplitude (5..15 %), period (60..600 s) and phase of each wave are
     drawn from `rng`. Switches stay closed, at 0.
@@ -174,7 +174,7 @@ class SyntheticValues:
         self._phase = rng.uniform(0, 2 * np.pi, n)
 
     def at(self, place: int, time: npt.ArrayLike) -> Floats:
-        """Return the values of point number `place` at some times [s]."""
+        """Return the values of the point with index `place` at the given times [s]."""
         t = np.asarray(time, dtype=np.float64)
         if not self.points[place].analogue:
             return np.zeros(t.shape)
@@ -185,7 +185,7 @@ class SyntheticValues:
 def reading(
     values: SyntheticValues, faults: Iterable[EngineFault], place: int, time: float
 ) -> float:
-    """Return the value that a box reads for a point at a time [s], including wire faults."""
+    """Return the value that a box reads for a point at `time` [s], including any wire fault."""
     point, now = values.points[place], nanoseconds(time)
     for wire, kind in WIRES.items():
         if any(begin <= now < stop for begin, stop in outages(faults, point.tag, kind)):
@@ -196,7 +196,7 @@ def reading(
 
 @checked
 class Screen:
-    """The screen of the AMS at one time, with **synthetic** values; `Run.screen` creates one.
+    """The screen of the AMS at a given time, with **synthetic** values; `Run.screen` creates one.
 
     Parameters
     ----------
@@ -204,13 +204,13 @@ class Screen:
         Time of the screen [s].
     table : pandas.DataFrame
         One row per point, by tag: ``box``, ``service``, ``value`` shown, ``unit``, ``true`` (the
-        sensor's present value), ``age_s`` and ``mark``: empty, ``0xFF``, ``too old``, or ``0xFF?``
-        for a good value that equals the error mark. Value and age are NaN if marked.
+        present value without faults), ``age_s`` and ``mark``: empty; ``0xFF`` or ``too old``, with
+        value and age NaN; or ``0xFF?`` for a good value that equals the error mark.
 
     Notes
     -----
     In the printed coding a register is **assumed** to contain whole units, so 255 degC looks
-    like an error. The corrected coding has tenths and an error mark that no value equals.
+    like an error. In the corrected coding it contains tenths, and no value equals the error mark.
 
     Examples
     --------
@@ -231,7 +231,7 @@ class Screen:
         return self._table.copy()
 
     def mark(self, box: str) -> str:
-        """Return the mark of the first point of a box; empty if it is shown as good."""
+        """Return the mark of the first point of a box; empty if the point is not marked."""
         check_choice("box", box, self._table["box"].unique())
         return str(self._table.loc[self._table["box"] == box, "mark"].iloc[0])
 
@@ -266,18 +266,18 @@ class Ages:
     _table: pd.DataFrame
 
     def table(self) -> pd.DataFrame:
-        """Return one row per response of a box.
+        """Return one row per response that the AMS received.
 
         Columns: ``seen_s``, ``until_s`` (the next response), ``good_until_s`` (shown as good until
-        then), ``sampled_s``, ``age_s`` when seen and ``last_age_s`` when last shown as good. Ages
-        are NaN if the point is marked at once.
+        then), ``sampled_s``, ``age_s`` when seen and ``last_age_s`` when last shown as good. The
+        last three are NaN if the point is marked from the start.
         """
         return self._table.copy()
 
     def plot(
         self, ax: Axes | None = None, *, limits: Mapping[str, float] | None = None, label: str = ""
     ) -> Axes:
-        """Draw `limits` [s], and the age as a sawtooth with gaps where the point is marked."""
+        """Draw the age as a sawtooth with gaps where the point is marked, and the `limits` [s]."""
         from shipnet.engine.plot import plot_ages
 
         return plot_ages(self._table, ax=ax, limits=limits, label=label)
@@ -298,13 +298,13 @@ class Timeline:
         """Return one row per uninterrupted piece of work.
 
         Columns: ``row`` (a box, ``CAN``, ``channel 1`` or ``channel 2``), ``task`` (for a box
-        ``convert``, ``send``, ``CAN``, ``timer`` or ``Modbus``, for CAN the sender, for a channel
+        ``convert``, ``send``, ``CAN``, ``timer`` or ``Modbus``; for CAN the sender; for a channel
         ``request`` or ``response``), ``start_ms`` and ``end_ms``.
         """
         return self._table.copy()
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw CPUs, CAN bus and Modbus lines as rows of bars; gaps are waiting times."""
+        """Draw CPUs, CAN bus and Modbus lines as rows of bars; gaps are idle times."""
         from shipnet.engine.plot import plot_timeline
 
         return plot_timeline(self._table, ax=ax)
@@ -318,8 +318,8 @@ class Timeline:
 class Run:
     """A finished simulation of a `system` with the given `faults`; `simulate` creates one.
 
-    Tables have times in seconds from the start of the AMS; the attributes after `until` are
-    internal to the simulator, in nanoseconds.
+    Times run from the start of the AMS; the attributes after `until` are internal to the simulator
+    and have times in nanoseconds.
 
     Examples
     --------
@@ -405,13 +405,13 @@ class Run:
 
     @property
     def mean_age(self) -> float:
-        """Mean over all points of the mean age of a point while shown as good [s]."""
+        """Mean age of a point while it is shown as good, averaged over all points [s]."""
         return float(self._table["mean_s"].mean())
 
     def timeline(self, start: float, stop: float) -> Timeline:
-        """Return the work of each CPU and each line between two times, at most 60 s apart [s].
+        """Return the work of each CPU and each line between two times [s], at most 60 s apart.
 
-        A CPU waits while no work is listed. The CAN routine runs while the loop waits for the
+        A CPU is idle while no work is listed. The CAN routine runs while the loop waits for the
         multiplexer, so it does not prolong the conversion; a Modbus interrupt does.
         """
         check_scalar("start", start, "s", -1.0, 1e6)
@@ -436,7 +436,7 @@ class Run:
         return Timeline(start, stop, pd.DataFrame(table, columns=columns))
 
     def screen(self, time: float, values: SyntheticValues | None = None) -> Screen:
-        """Return the screen of the AMS at a time between the first response and the end [s].
+        """Return the AMS's screen at `time` [s], between the first response and the end of the run.
 
         Without `values`, the screen shows synthetic values drawn with the seed 2024.
         """
@@ -513,7 +513,7 @@ class Run:
         )
 
     def answers(self) -> pd.DataFrame:
-        """Return one row per ``poll``: ``time_s`` and ``answer_s``, infinite if unanswered."""
+        """Return one row per ``poll``: ``time_s`` and ``answer_s`` (response time; inf if none)."""
         rows = pd.DataFrame(self.attempts._asdict())
         took = np.where(rows["outcome"] == 0, nanoseconds(self.system.poll.time), np.inf)
         rows["end"] = rows["start"] + took
@@ -544,7 +544,7 @@ class Run:
         for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
             tags.setdefault(message, []).append(point.tag)
         for message, own in tags.items():
-            # A response makes points good until the next response, or until their limit if earlier.
+            # Points stay good until the next response, or until their limit if that is earlier.
             fine, end = good[:, message], good_until[:, message]
             time = np.stack([self.views.seen, end], axis=1)
             state = np.stack([fine, fine & (end == until)], axis=1)

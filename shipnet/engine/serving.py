@@ -44,8 +44,8 @@ FUNCTIONS = frozenset({3})
 #: Unit id of the registers that inject faults, and the address of the first sensor's register.
 FAULT_UNIT, _SENSORS = 247, 100
 
-#: Faults that a real server can show: faults of parts, then faults of sensors, in the order of
-#: their numbers in a register.
+#: Faults that a real server can show: faults of parts, in the order of their registers, and faults
+#: of sensors, in the order of their numbers in a register.
 _PARTS = (DeadBox, BusOff, CanBreak, ModbusBreak, DeadPort)
 _OF_SENSORS = (StuckSensor, OpenWire, ShortCircuit)
 
@@ -70,11 +70,11 @@ def serve(
     Parameters
     ----------
     system : System, optional
-        The system, in the printed coding; the system of lee2012 if not given.
+        The system, which must have the printed coding; by default the one of lee2012.
     faults : fault or iterable of faults, optional
-        Faults in simulated time, except random losses. A box that is dead, or cut off from the AMS,
-        does not respond. Values of a box that is not received on CAN stay unchanged, and are marked
-        after the system's `stale_limit`.
+        Faults in simulated time; random losses cannot be served. A box that is dead, or cut off
+        from the AMS, does not respond. If the CAN frames of a box are not received, its values stay
+        unchanged, and are marked after the system's `stale_limit`.
     speed : float, default 1
         Simulated seconds per real second, 0..1e4.
     rng : optional
@@ -88,7 +88,7 @@ def serve(
     Server
         A server with one slave for each of the unit ids 2 and 3. Function code 3 reads one register
         per point, in the order of Table 3, with temperatures in tenths of a degree. Unit id 247 has
-        `fault_registers`, which inject more faults while the server runs.
+        the `fault_registers`; writing to them injects more faults while the server runs.
 
     Examples
     --------
@@ -128,16 +128,16 @@ def parse_fault(system: System, words: str) -> EngineFault:
             return kind(place)
     raise ArgumentError(
         f"fault is {words!r}; it must be a place and a fault, such as 2:dead, "
-        "JB2:bus-off, 3:cut (its Modbus channel), JB1-JB2:cut (a CAN cable) or ME-JB2-044:open "
+        "JB2:bus-off, 3:cut (unit 3's channel), JB1-JB2:cut (a CAN cable) or ME-JB2-044:open "
         "(also stuck, short)"
     )
 
 
 @checked
 def fault_registers(system: System | None = None) -> pd.DataFrame:
-    """Return the registers that inject faults into a served engine, on unit id 247.
+    """Return the registers of unit id 247, which inject faults into a served engine.
 
-    Function codes 3, 6 and 16 read and write them. A fault begins when its number is written; 0
+    Function code 3 reads them; 6 and 16 write them. A fault begins when its number is written; 0
     ends it.
 
     Parameters
@@ -178,7 +178,7 @@ class FaultRegisters:
         }  # fmt: skip
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
-        """Return the number of each place's present fault, 0 for none."""
+        """Return, for each register, the number of the fault now present, or 0 if there is none."""
         now = nanoseconds(time)
         content = []
         for where, kinds in self._rows(table, address, quantity):
@@ -188,7 +188,7 @@ class FaultRegisters:
         return content
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        """End the present faults at these places, and begin the faults that are written."""
+        """End the faults now present in these registers; begin those whose numbers are written."""
         rows = self._rows(table, address, len(values))
         if any(value > len(kinds) for value, (_, kinds) in zip(values, rows, strict=True)):
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_VALUE)
@@ -224,7 +224,7 @@ class JunctionBox:
         self.registers = RegisterMap(system.points)
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
-        """Return consecutive registers; exception 2 if one of them does not exist."""
+        """Return consecutive registers; raise Modbus exception 2 if one of them does not exist."""
         if table != "holding_registers" or address + quantity > len(self.registers):
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         content: list[int] = self.registers.encode(self.values(time)).tolist()
@@ -264,7 +264,7 @@ class JunctionBox:
         return None
 
     def silent(self, time: float) -> bool:
-        """Return whether the box is dead at a time [s], or cannot be reached on its channel."""
+        """Return whether, at `time` [s], the box is dead or cannot be reached on its channel."""
         now, channel = nanoseconds(time), str(self.system.ports.index(self.box) + 1)
         spans = outages(self.faults, self.system.boxes[self.box], DeadBox)
         spans += outages(self.faults, channel, ModbusBreak, DeadPort)

@@ -38,8 +38,8 @@ from shipnet.lazy import pd
 #: poll reads the newest frame of every message.
 _MOST_FRAMES = 20_000_000
 
-#: Time from the start of a lasting fault to the end of its run [s]; a design whose marks take
-#: longer gets a longer run.
+#: Shortest time from the nominal start of a lasting fault to the end of its run [s]; the run is
+#: longer if the system marks values late.
 _LENGTH = 20.0
 
 
@@ -63,7 +63,7 @@ def simulate(
     until : float
         The last poll begins before this time, 0.001..1e6 [s].
     phases : mapping of str to float, optional
-        Start of a round of each box and, under ``"AMS"``, of the first poll, 0..100 [s]. Phases not
+        Start of a round, by box, and of the first poll, under ``"AMS"``; 0..100 [s]. Phases not
         given are 0, or random if `rng` is given.
     rng : optional
         Source of random numbers, for `numpy.random.default_rng`; required if frames are lost.
@@ -199,7 +199,7 @@ class _Table:
         self.done = cpu.at(cpu.queue(sent.arrival[rows], work) + work)
 
     def read(self, time: Integers) -> tuple[Integers, Integers]:
-        """Return each message's round at some times, -1 if missing or marked, and `known` times."""
+        """Return `number` and `known` of each message, as in `Views`, at the given times [ns]."""
         system, box = self.system, self.box
         number = np.full((time.size, system.sender.size), -1)
         known = np.full((time.size, system.sender.size), NEVER)
@@ -227,7 +227,7 @@ class _Table:
         return number, known
 
     def _marked(self, sender: int, time: Integers) -> Integers:
-        """Return when the timer of a sender last marked its values [ns]."""
+        """Return when the timer last marked a sender's values up to each time [ns], or `NEVER`."""
         heard = self.done[self.system.sender[self.message] == sender]
         work = nanoseconds(self.system.firmware.mark)
         # The first entry is not a real mark; it precedes all times.
@@ -266,9 +266,10 @@ def ask(
 ) -> Attempts:
     """Return the requests of all polls that begin before the `horizon`, the first at `phase` [ns].
 
-    A poll begins at the first multiple of the poll period after the previous poll. If no response
-    begins, the AMS continues after its time-out. If a response breaks off, the AMS continues when
-    the response should have ended. A response whose beginning the AMS missed counts as silence.
+    A later poll begins at the first whole number of poll periods after `phase` at which the
+    previous poll has ended. If no response begins, the AMS continues after its time-out. If a
+    response breaks off, the AMS continues when the response should have ended. A response whose
+    beginning the AMS missed counts as silence.
     """
     lines = [_Line(system, channel, faults, horizon, rng) for channel in (0, 1)]
     if system.polled == "one":
@@ -311,7 +312,7 @@ class _Line:
             self.draws = iter(rng.random((most, 2 * len(self.losses))).tolist())
 
     def ask(self, start: int) -> tuple[int, bool, int]:
-        """Send a request; return its outcome, whether the box got it, and when the AMS continues.
+        """Send a request; return its outcome, whether it was received, and when the AMS continues.
 
         A cable must be intact while it carries a frame; a box must work from the request onwards.
         """
@@ -341,7 +342,7 @@ class _Line:
 def _follow(
     system: System, horizon: int, phase: int, lines: list[_Line]
 ) -> list[tuple[int, int, int, int, bool]]:
-    """Return the requests of a port that has one line, or a choice of two lines."""
+    """Return the requests on one line, or on two lines of which the AMS uses one at a time."""
     period = nanoseconds(system.poll_period)
     rows = []
     number, now, order = 0, phase, lines
@@ -374,7 +375,7 @@ def rounds(
     phase: int,
     faults: Sequence[EngineFault],
 ) -> Rounds:
-    """Return the rounds of a box that begin within a span, one of them at `phase` [ns]."""
+    """Return the rounds of a box due in a span, at whole periods before or after `phase` [ns]."""
     period = int(system.period_ns[box])
     first = span[0] + (phase - span[0]) % period
     due = np.arange(first, span[1] + 1, period, dtype=np.int64)
@@ -415,8 +416,8 @@ def send(
 ) -> Frames:
     """Return all frames that some other box receives in a span [ns], with worst-case stuffing.
 
-    When a cable, a box or a controller fails or returns, all frames queued or on the bus are lost;
-    the next round replaces them.
+    When a cable, a box or a controller fails or recovers, all frames queued or on the bus are
+    lost; the next round replaces them.
     """
     from shipnet.can.bus import Releases, send_undisturbed
 
@@ -471,19 +472,19 @@ def single_failures(
     trials : int, default 5
         Number of simulations of each fault, 1..1000.
     rng : optional
-        Source of phases and losses, for `numpy.random.default_rng`.
+        Source of random phases and losses, for `numpy.random.default_rng`.
 
     Returns
     -------
     pandas.DataFrame
-        One row per fault, after a first row ``none``: ``lost`` (points without a newer value while
-        the fault lasts), ``old`` (points shown as good although older than 2 s), ``oldest_s``
-        (greatest age shown as good; infinite if it grows without limit during a lasting fault),
-        ``bound_s`` (bound on ``oldest_s`` in any phase; infinite without a bound), ``marked``
-        (points ever marked), ``marked_after_s`` (longest time from the fault until the last of
-        these points was first marked; NaN if none), ``noticed`` (alarms of the AMS: ``link``,
-        ``path``, ``mark`` or ``no``), ``answer_s`` (longest time to a response), ``answer_ok`` and
-        ``age_ok`` (whether the bounds on this time and on the age are at most 2 s).
+        One row per fault, after a first row ``none``: ``lost`` (points without a value newer than
+        the fault while it lasts), ``old`` (points shown as good although older than 2 s),
+        ``oldest_s`` (greatest age shown as good; infinite if it grows without limit during a
+        lasting fault), ``bound_s`` (bound on ``oldest_s`` in any phase; infinite if none is known),
+        ``marked`` (points ever marked), ``marked_after_s`` (longest time from the fault until the
+        last of these points was first marked; NaN if none), ``noticed`` (alarms of the AMS:
+        ``link``, ``path``, ``mark`` or ``no``), ``answer_s`` (longest time to a response),
+        ``answer_ok`` and ``age_ok`` (whether the bounds on this time and the age are at most 2 s).
 
     Notes
     -----
@@ -513,7 +514,7 @@ def _fault_run(system: System, fault: EngineFault | None, rng: np.random.Generat
     settled = max(system.staleness_flag().after, RULE) + 3 * system.poll_period
     start, stop = (10.0, inf) if fault is None else (fault.start, fault.stop)
     end = start + max(2 * settled, _LENGTH) if stop == inf else stop + settled
-    # A random delay of the fault avoids a special phase between the fault and the clocks.
+    # A random delay avoids a special phase relation between the fault and the clocks.
     late = float(rng.uniform(0, system.poll_period))
     moved = [] if fault is None else [replace(fault, start=start + late, stop=stop + late)]
     return simulate(system, faults=moved, until=end, rng=rng)

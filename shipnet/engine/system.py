@@ -68,13 +68,13 @@ class Firmware:
     Notes
     -----
     The Modbus interrupt suspends everything else; the bytes of its response are sent one by
-    one alongside other work. The short timer and CAN routines run while the loop waits for the
-    multiplexer, so they do not delay the loop (lee2012, section III.2, figures 5 and 6). A
+    one alongside other work. The timer and CAN routines are short and run while the loop waits for
+    the multiplexer, so they do not delay the loop (lee2012, section III.2, figures 5 and 6). A
     conversion takes 13 cycles of a clock of 50..200 kHz (Atmel, AT90CAN32/64/128 data sheet).
 
     Examples
     --------
-    Times of the three modes, which have 37, 16 and 27 analogue inputs [ms]:
+    Conversion times of the three boxes, which have 37, 16 and 27 analogue inputs [ms]:
 
     >>> [round(Firmware().conversion_time(n) * 1e3, 2) for n in (37, 16, 27)]
     [40.85, 17.66, 29.81]
@@ -117,9 +117,9 @@ class Firmware:
 class SwitchOver(NamedTuple):
     """Times of a switch-over to the other channel [s].
 
-    `request` and `answer` begin at the unanswered request: `request` ends at the first request on
-    the other channel, `answer` at the end of its response. `loss` is the longest time from the loss
-    of the channel to the end of that response, `gap` the longest time between two responses.
+    From the first unanswered request, `request` runs to the first request on the other channel and
+    `answer` to the end of its response. `loss` is the longest time from the loss of the channel to
+    the end of that response, `gap` the longest time between two responses.
     """
 
     request: float
@@ -129,7 +129,7 @@ class SwitchOver(NamedTuple):
 
 
 class FailureBounds(NamedTuple):
-    """The worst effects of a single failure, whatever the phases of all clocks [s].
+    """The worst effects of a single failure, whatever the phases of the clocks [s].
 
     `answer` is the longest time from the first request of a poll to its response, `gap` the longest
     time between two responses, and `oldest` the greatest age shown as good, infinite if the age
@@ -156,10 +156,10 @@ class System:
     Notes
     -----
     With the `coding` "printed", a box marks all values of another box as 0xFF if it has received no
-    frame from that box for `stale_limit`. With "corrected", it also sends the age of every frame,
-    and the AMS marks each value that may be older than `age_limit`. Figure 3 may show a CAN ring,
-    which ISO 11898 does not allow; a ring is assumed to work. The AMS is assumed to stay on the
-    last channel that responded. The time-out ends at a response's *first* character.
+    frame from that box for `stale_limit`. With "corrected", responses also contain the age of every
+    frame, and the AMS marks each value that may be older than `age_limit`. Figure 3 may show a CAN
+    ring, which ISO 11898 does not allow; a ring is assumed to work. The AMS is assumed to stay on
+    the last channel that responded. The time-out ends at a response's *first* character.
 
     References
     ----------
@@ -254,7 +254,7 @@ class System:
     def corrected(cls, **changes: Any) -> System:
         """Return a system that meets the 2 s rule for the age of data, with the given `changes`.
 
-        The system has the corrected coding, polls both channels and updates every 0.25 s.
+        The system has the corrected coding, polls both channels and updates values every 0.25 s.
         """
         fields: dict[str, Any] = {"coding": "corrected", "polled": "both", "update_period": 0.25}
         return cls(**{**fields, **changes})
@@ -394,7 +394,7 @@ class System:
 
     @cached_property
     def can_response(self) -> Floats:
-        """Longest time of each message from queueing to its end [s], highest priority first."""
+        """Longest time from queueing a message to its last bit [s], highest priority first."""
         return self._can_response(self.messages)
 
     def _can_response(self, messages: MessageSet) -> Floats:
@@ -409,7 +409,7 @@ class System:
         return np.array([response.response for response in found])
 
     def poll_spacing(self, lost: float = 0.0) -> float:
-        """Return the time from poll to poll if each poll is delayed by `lost` seconds [s]."""
+        """Return the time from poll to poll if each poll takes `lost` seconds longer [s]."""
         period = nanoseconds(self.poll_period)
         whole = nanoseconds(check_scalar("lost", lost, "s", 0, 1e6) + self.poll.time)
         return -(-whole // period) * period / 1e9
@@ -417,7 +417,7 @@ class System:
     def hop_ns(self, reader: int) -> Integers:
         """Return the greatest age of each message when box `reader` receives it [ns].
 
-        The time runs from the start of the sender's round.
+        The age counts from the start of the sender's round.
         """
         reader = check_whole("reader", reader, 0, len(self.boxes) - 1)
         sender = self.sender
@@ -433,10 +433,10 @@ class System:
 
         One row per point of a healthy system: ``tag``, ``box``, ``channel`` (over which the bound
         holds), the terms ``sampling_s`` (L - o: from sampling to the end of the box's round),
-        ``update_s`` (P: one round later), ``interrupt_s`` (S: a Modbus request in that round),
-        ``can_s`` (R: response time of the message), ``handling_s`` (h: the CAN interrupt),
-        ``poll_s`` (T: the previous poll came too early), ``transaction_s`` (from the reading of the
-        registers to the end of the response), and their sum ``worst_s``.
+        ``update_s`` (P: to the end of the next round), ``interrupt_s`` (S: a Modbus request in that
+        round), ``can_s`` (R: response time of the message), ``handling_s`` (h: the CAN interrupt),
+        ``poll_s`` (T: to the next poll, if one just missed the value), ``transaction_s`` (from
+        reading the registers to the end of the response), and their sum ``worst_s``.
 
         For the polled box's own values L is the conversion alone, and R, h and S are 0. If both
         channels are polled, the lower age counts. ArgumentError is raised if two polls can fall in
@@ -448,7 +448,7 @@ class System:
     def _ages(
         self, channels: tuple[int, ...], suspended: Integers, can_response: Floats
     ) -> pd.DataFrame:
-        """Return the ages over the best of the channels, for given delays of boxes and frames."""
+        """Return each point's age over its best channel, for given delays of boxes and frames."""
         spacing = self.poll_spacing()
         longest = int(self.loop_ns.max()) + self.service_ns
         if longest > nanoseconds(spacing):
@@ -472,7 +472,7 @@ class System:
                 "can_s": np.where(own, 0.0, response),
                 "handling_s": np.where(own, 0.0, handling),
                 "poll_s": spacing,
-                # The silence after the response replaces the one after the request.
+                # The silence after the request stands for the equal one after the response.
                 "transaction_s": self.poll.shortest_timeout,
             }
             table = pd.DataFrame(
@@ -540,7 +540,7 @@ class System:
         return SwitchOver(lost, answer, loss, max(self._gaps(1)))
 
     def _in_vain(self, tries: int, broken: int) -> list[float]:
-        """Return the possible durations of this number of failed tries on one channel [s].
+        """Return the possible total durations of `tries` failed tries on one channel [s].
 
         Up to `broken` of them end with a broken or damaged response, which the AMS notices when the
         whole response is due; the other tries get no response.
@@ -550,7 +550,7 @@ class System:
         return [n * self.poll.time + (tries - n) * silent for n in damaged]
 
     def _gaps(self, broken: int) -> tuple[float, float]:
-        """Return the longest time between two responses when channel 1 fails, and afterwards [s].
+        """Return the longest times between responses: when channel 1 fails, and afterwards [s].
 
         Up to `broken` tries per poll end with a broken response.
         """
@@ -565,7 +565,7 @@ class System:
         return before, max(after, self.poll_spacing())
 
     def _oldest_read(self, broken: int) -> float:
-        """Return the greatest age shown as good when channel 1 fails, and afterwards [s]."""
+        """Return the greatest age shown as good when channel 1 fails, or afterwards [s]."""
         before, after = self._gaps(broken)
         healthy, ports = self.suspended_ns, np.isin(np.arange(len(self.boxes)), self.ports)
         # If a round of a loop takes longer than a poll, several requests can fall in one round.
@@ -581,7 +581,7 @@ class System:
         return max(found)
 
     def failure_bounds(self, fault: EngineFault | None = None) -> FailureBounds:
-        r"""Return the worst-case effect of one fault, or none, on responses and ages, in any phase.
+        r"""Return the worst response times and ages, in any phase, with one fault or with none.
 
         If the channel in use fails, the AMS gets no response for :math:`t_{lost}`: it notices a
         broken response when the response should have ended, and the failure of each of r retries
@@ -593,9 +593,10 @@ class System:
 
         where :math:`t_{silent}` is the time of a request and its time-out, T the time from poll to
         poll, and A the age from `worst_age`. If frames are damaged at random, each try may take
-        :math:`t_{poll}`. A failure on the CAN bus destroys the frames of one round, so A grows by
-        one update period. A silent box has the bound of `staleness_flag`. In the printed design
-        random losses on CAN have no bound: any frame keeps all values of its box valid.
+        :math:`t_{poll}`. The start and the end of a failure on CAN each destroy the frames of one
+        round; A grows by one update period each time. A silent box has the bound of
+        `staleness_flag`. In the printed design, lasting random losses on CAN leave A without a
+        bound: any frame keeps all values of its box valid.
         """
         answer, gap = self.poll.time, self.poll_spacing()
         healthy = oldest = float(self.worst_age()["worst_s"].max())
@@ -663,7 +664,7 @@ class System:
         return tuple(found)
 
     def single_faults(self, start: float = 10.0) -> tuple[EngineFault, ...]:
-        """Return all lasting single faults that begin at a time [s].
+        """Return all lasting single faults, each beginning at `start` [s].
 
         They are the failure of each cable, port, box and CAN node, the loss of half the frames of
         each box and channel, and a fault that leaves the first sensor of each box stuck.

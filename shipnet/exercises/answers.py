@@ -23,7 +23,7 @@ import numpy as np
 
 T = TypeVar("T")
 
-#: Time limit for a student's function [s].
+#: Time limit for a student's function, for all its inputs together [s].
 LIMIT = 10.0
 
 _SHORT = Repr()
@@ -45,7 +45,7 @@ class Misread(Exception):
 
 
 class Answer(Protocol):
-    """A right answer, with which students' answers are compared."""
+    """The right answer to an exercise, with which students' answers are compared."""
 
     @property
     def value(self) -> object:
@@ -92,7 +92,7 @@ def _number(given: object, unit: str) -> float:
 
 
 def _prefix(number: float, right: float, unit: str, tolerance: float) -> str | None:
-    """Return how a number with the right digits differs from the right number."""
+    """Return a report if only the sign or the scale (percent, SI prefix) is wrong, else None."""
 
     def near(factor: float) -> bool:
         return math.isclose(number, factor * right, rel_tol=tolerance)
@@ -113,7 +113,7 @@ def _prefix(number: float, right: float, unit: str, tolerance: float) -> str | N
 
 
 def _rounded(number: float, right: float) -> bool:
-    """Return whether a number is the right one rounded to two or three digits."""
+    """Return whether a number is the right one rounded to two or three significant digits."""
     if not right:
         return False
     for digits in (2, 3):
@@ -183,7 +183,7 @@ class Bits:
         return bits
 
     def fault(self, answer: str) -> str | None:
-        """Return what is wrong with some bits, or None if they are right."""
+        """Return what is wrong with the bits, or None if they are right."""
         if answer == self.value:
             return None
         return f"these {len(answer)} bits are {NOT_YET}"
@@ -211,7 +211,7 @@ class Bytes:
         raise _other("bytes are expected, such as '01 0A'", given)
 
     def fault(self, answer: bytes) -> str | None:
-        """Return what is wrong with some bytes, or None if they are right."""
+        """Return what is wrong with the bytes, or None if they are right."""
         if answer == self.value:
             return None
         if len(answer) != len(self.value):
@@ -236,7 +236,7 @@ class Words:
         if isinstance(given, str):
             given = given.replace(",", " ").split()
         if not isinstance(given, Iterable):
-            raise Misread(f"a list of words is expected, from {', '.join(self.options)}")
+            raise Misread(f"a list of words is expected; choose from {', '.join(self.options)}")
         return type(self.value)(map(self._word, given))
 
     def _word(self, given: object) -> str:
@@ -247,7 +247,7 @@ class Words:
         return word
 
     def fault(self, answer: object) -> str | None:
-        """Return a report if some words are wrong, or None if they are right."""
+        """Return `NOT_YET` if the words are wrong, or None if they are right."""
         return None if answer == self.value else NOT_YET
 
 
@@ -287,7 +287,7 @@ class Function:
             raise Misread(f"{_call(name, case)} returned {shown(result)}: {kind}") from None
 
     def fault(self, answer: tuple[str, list[Any]]) -> str | None:
-        """Return the first wrong result, or None if all are right."""
+        """Return a report on the first wrong result, or None if all are right."""
         name, results = answer
         for case, result in zip(self.cases, results, strict=True):
             if fact := self.answer(self.value(*case)).fault(result):
@@ -296,7 +296,7 @@ class Function:
 
 
 def _limited(name: str, work: Callable[[], T]) -> T:
-    """Return the result of a student's function; raise Misread if it does not end in time."""
+    """Return the result of `work`; raise Misread if `work` does not end within `LIMIT`."""
     done: list[T] = []
     failed: list[BaseException] = []
 
@@ -306,7 +306,7 @@ def _limited(name: str, work: Callable[[], T]) -> T:
         except BaseException as error:
             failed.append(error)
 
-    # A thread works on every system and from any thread; a signal only in the main thread.
+    # Unlike an alarm signal, a thread works on every system and can be started from any thread.
     thread = Thread(target=run, name=name, daemon=True)
     thread.start()
     thread.join(LIMIT)
@@ -335,11 +335,11 @@ def _place(function: Callable[..., Any], trace: TracebackType | None) -> str:
     if not (code and lines):
         return ""
     line, text = lines[-1]
-    return f" in line {line - code.co_firstlineno + 1}{f', `{text}`' if text else ''}"
+    return f" on line {line - code.co_firstlineno + 1}{f', `{text}`' if text else ''}"
 
 
 def _not_rows(rows: object) -> str | None:
-    """Return a clause that says how an object differs from a list of dicts."""
+    """Return a clause that says why an object is not a list of dicts, or None if it is one."""
     if isinstance(rows, dict):
         return "; that is a single row"
     if not isinstance(rows, Sequence) or isinstance(rows, str | bytes):
@@ -358,7 +358,7 @@ class Table:
     units: dict[str, str] = field(default_factory=dict)
 
     def read(self, given: object) -> list[dict[str, float]]:
-        """Return a DataFrame or a list of dicts as sorted rows of numbers."""
+        """Return the rows of a DataFrame or list of dicts as numbers, sorted by first column."""
         to_rows = getattr(given, "to_dict", None)
         rows: Any = to_rows("records") if to_rows and hasattr(given, "columns") else given
         columns = list(self.value[0])
@@ -377,7 +377,7 @@ class Table:
         return sorted(found, key=lambda row: row[columns[0]])
 
     def fault(self, answer: list[dict[str, float]]) -> str | None:
-        """Return the first wrong cell, or None if all are right."""
+        """Return a report on the first wrong cell, or None if all are right."""
         first = next(iter(self.value[0]))
         for row, right in zip(answer, self.value, strict=True):
             for name, value in right.items():

@@ -43,12 +43,12 @@ def student(name: str) -> Student:
     Parameters
     ----------
     name : str
-        Name of the student; must not be empty.
+        Name of the student; must not be empty. Case and surrounding spaces are ignored.
 
     Returns
     -------
     Student
-        Student to pass to `given` and `check`; case and surrounding spaces are ignored.
+        Student to pass to `given` and `check`.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def student(name: str) -> Student:
     return Student(plain)
 
 
-#: Marks the general hint, given for a wrong answer that no other hint explains.
+#: Marks the general hint, for wrong answers that none or several of the other hints explain.
 ANY = object()
 
 #: The right answer for a student's numbers, and the wrong answer that each hint explains.
@@ -205,7 +205,7 @@ def check(key: str, answer: object, me: Student | None = None) -> Verdict:
     Returns
     -------
     Verdict
-        Shows ``correct``, ``not solved yet``, or the fault and a hint; true if correct.
+        Shows ``correct``, ``not solved yet``, or a fault, a hint or both; true if correct.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def glossary(lesson: int | None = None) -> pd.DataFrame:
     Parameters
     ----------
     lesson : int, optional
-        Number of the lesson.
+        Number of the lesson; None for the terms of all lessons.
 
     Returns
     -------

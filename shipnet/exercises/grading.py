@@ -1,9 +1,9 @@
 """Grading of notebooks that students handed in, for the command `shipnet grade`.
 
 A student's cells run in a separate process, which returns values of variables and results of
-functions. Answers are checked in this process, where no notebook can change the checks. The other
-process has an empty folder, no input, and limits on time, memory and file size. These
-measures do not protect the computer against an attack.
+functions. Answers are checked in this process, where no notebook can change the checks. The
+student's process starts in an empty folder and has no input; its time, memory and file size are
+limited. These measures do not protect the computer against an attack.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from shipnet.lazy import pd
 #: The name in a notebook before a student changes it.
 EXAMPLE = "Kim"
 
-#: Time limit for a cell, and for all requests about one exercise [s]; limits of memory, file size
+#: Time limit for a cell, and for all requests about one exercise [s]; limits on memory, file size
 #: and answer length [byte].
 LIMIT, MEMORY, FILE, ANSWER = 8.0, 4 << 30, 10 << 20, 1 << 20
 
@@ -56,7 +56,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 class _Session:
-    """The process that runs a student's cells; it restarts without any cell that ended it."""
+    """The process that runs a student's cells; if a cell ends it, a new one runs the others."""
 
     def __init__(self, cells: list[str], folder: str) -> None:
         #: By cell number: why the process ended in the cell, and the error that the cell raised.
@@ -67,7 +67,7 @@ class _Session:
         self._process: subprocess.Popen[bytes] | None = None
 
     def ask(self, *task: object) -> Any:
-        """Return the reply; raise _Ended if the process ends, RuntimeError for a reported error."""
+        """Return the result; raise _Ended if the process ends, RuntimeError if the task fails."""
         while self._process is None:
             self._start()
         return self._told(*task)
@@ -99,7 +99,7 @@ class _Session:
                     self._told("run", cell)
                 except _Ended as why:
                     self.ended[number] = str(why)
-                except RuntimeError as error:  # as in a notebook, the next cells run anyway
+                except RuntimeError as error:  # the next cells run anyway
                     self.raised[number] = str(error)
         self.deadline = max(asked, monotonic() + LIMIT)
 
@@ -173,7 +173,7 @@ def _decoded(value: Any, session: _Session) -> Any:
 
 
 def _encoded(value: Any, expression: str = "", depth: int = 0) -> Any:
-    """Convert a value for JSON; a type that JSON lacks becomes a dict with one key."""
+    """Convert a value for JSON; a value without a JSON equivalent becomes a one-key dict."""
     if value is ...:
         return {"blank": 1}
     if isinstance(value, np.generic | np.ndarray):
@@ -201,7 +201,7 @@ def _encoded(value: Any, expression: str = "", depth: int = 0) -> Any:
 
 
 def answer() -> None:
-    """Answer the requests of a `_Session` through the pipes of this process until they close."""
+    """Respond to the requests that a `_Session` writes to standard input, until the input ends."""
     questions, answers = (os.fdopen(os.dup(pipe), mode) for pipe, mode in ((0, "rb"), (1, "wb")))
     nothing = os.open(os.devnull, os.O_RDWR)
     for pipe in range(3):

@@ -10,7 +10,7 @@ from shipnet.exercises.exercise import ANY, Solution, solution
 
 _TURNED = str.maketrans("01", "10")
 
-#: Five-bit words; palindromes and 11110 (same levels in `_differential`) are left out.
+#: Five-bit words except palindromes and 11110, for which a mistake gives the right levels.
 _WORDS = tuple(
     word for word in (f"{k:05b}" for k in range(32)) if word != word[::-1] and word != "11110"
 )
@@ -21,7 +21,7 @@ def _levels(bits: str) -> str:
 
 
 def _differential(bits: str) -> str:
-    """Return the levels if each bit wrongly depends on the previous one."""
+    """Return the levels that a differential Manchester code would give."""
     level, out = 0, ""
     for bit in bits:
         level ^= bit == "0"
@@ -83,7 +83,7 @@ def pulses() -> Solution:
         ),
         "is there really a pulse after every bit?": lambda bits: 2 * len(bits),
         "does your loop include the last two bits?": lambda bits: len(bits) + _equal(bits[:-1]),
-        "a 0 starts at the idle level: is there a pulse before it?": (
+        "the first bit, a 0, starts at the idle level: is there a pulse before it?": (
             lambda bits: len(bits) + _equal(bits) + 1
         ),
         "two consecutive ones have a pulse between them, too": (
@@ -95,11 +95,11 @@ def pulses() -> Solution:
 
 @solution("ex-01-4", limit=range(400, 1201, 40))
 def highest_rate(limit: int) -> Solution:
-    """Bit rate at which the spectrum has its first zero at a limit [kHz]."""
+    """Bit rate at which the first zero of a pulse's spectrum is at `limit` [kHz]."""
     return Number(limit / 4, "kbit/s"), {
         "that is the rate of half-bits; how many half-bits does a bit have?": limit / 2,
         "that is the limit itself; how long are a half-bit and a bit?": limit,
-        "did you use a factor of 2 twice?": limit / 8,
+        "did you divide by 2 once too often?": limit / 8,
         "the limit is 2 divided by the half-bit time, so the bit rate is lower": 2 * limit,
         "that is the half-bit time in us; what bit rate follows from it?": 2e3 / limit,
         "that is the bit time in us; what bit rate follows from it?": 4e3 / limit,

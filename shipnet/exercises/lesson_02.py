@@ -27,14 +27,14 @@ _ECHOES = {
 }
 
 
-# With only four of the five ends, each mistake below gives a different answer.
+# Four of the five ends: the fewest for which no mistake below gives the right answer.
 @solution("ex-02-1", echoes=tuple(permutations(_ECHOES, 4)))
 def cable_ends(echoes: tuple[float, ...]) -> Solution:
     """Ends of the cables that return the given echoes."""
     right = tuple(_ECHOES[echo] for echo in echoes)
 
     def taken(*ends: str) -> tuple[str, ...]:
-        """Return `right` with `ends` replaced: the first by the second, the third by the fourth."""
+        """Return `right` after replacing the first of each pair in `ends` with the second."""
         found = dict(zip(ends[::2], ends[1::2], strict=True))
         return tuple(found.get(end, end) for end in right)
 
@@ -58,11 +58,11 @@ def cable_ends(echoes: tuple[float, ...]) -> Solution:
 
 @solution("ex-02-2", length=range(60, 321, 20), delay=(5.0, 5.5, 6.0, 6.5, 7.0), place=(5, 10, 15))
 def echo_time(length: int, delay: float, place: int) -> Solution:
-    """Time from a valve's signal to its echo, for a delay in ns/m."""
+    """Time at 0 m between a valve's signal and its echo from the end, for a delay in ns/m."""
     beyond, per_metre = length - place, delay * 1e-3
     right = 2 * beyond * per_metre
     return Number(right, "us"), {
-        "the delay is the time for one metre; how long is it for all metres?": 2 * beyond / delay,
+        "the delay is the time per metre; how long does the whole path take?": 2 * beyond / delay,
         "is that the time from the valve to the end, or there and back?": right / 2,
         "you doubled the path once too often": 2 * right,
         "that is from 0 m to the end and back; where is the valve?": 2 * length * per_metre,
@@ -113,7 +113,7 @@ def echo_height() -> Solution:
     }
 
 
-#: First length tried in the design, and step [m].
+#: First length in the design exercise, and step [m].
 _START, _STEP = 50, 10
 
 
@@ -134,7 +134,7 @@ def _read(length: int, delay: float) -> bool:
 
 
 def _last(good: Callable[[int, float], bool], delay: float) -> int:
-    """Return the last length before the first at which `good` is false."""
+    """Return the last length [m], going up from `_START`, before `good` is first false."""
     length = _START
     while good(length + _STEP, delay):
         length += _STEP
@@ -143,7 +143,7 @@ def _last(good: Callable[[int, float], bool], delay: float) -> int:
 
 @solution("ex-02-4", delay=tuple(k / 10 for k in range(45, 85, 2)))
 def longest_cable(delay: float) -> Solution:
-    """Last length before the first at which a tolerance is violated."""
+    """Last length before a tolerance is first violated."""
     longest = _last(_in_tolerance, delay)
     return Whole(longest, "m"), {
         "at this length every response is received, but is the ringing within tolerance?": (

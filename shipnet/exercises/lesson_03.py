@@ -27,8 +27,8 @@ def telegram(bits: str) -> Solution:
         "the data are sent in the order given": frame(bits[::-1]),
         "what value does the start bit always have?": "1" + right[1:],
         "what value does the end bit always have?": right[:-1] + "0",
-        "these are six bits: which one comes last?": right[:-1],
-        "these are six bits: which one comes first?": right[1:],
+        "these are six bits: which bit is missing at the end?": right[:-1],
+        "these are six bits: which bit is missing at the start?": right[1:],
         "is the parity bit before or after the data?": f"0{parity}{bits}1",
         "Write the start bit, data and end bit first; then count the ones without the end bit": ANY,
     }
@@ -42,7 +42,7 @@ _SHORTER = "1011"
 
 
 def _remainder(row: str, generator: str) -> str:
-    """Return the remainder of a division without carries, one bit shorter than the generator."""
+    """Divide without carries; return the remainder, one bit shorter than the generator."""
     width = len(generator) - 1
     left = int(row, 2)
     for place in reversed(range(len(row) - width)):
@@ -99,8 +99,8 @@ def _distance(words: Sequence[str]) -> int:
     return min(_between(combinations(words, 2)))
 
 
-#: Sets of words for tests: two words, nearest words not adjacent, responses of a slave, inverted
-#: words; then random sets, with which a function that compares only some of the pairs fails.
+#: Sets of words for tests: two words; nearest words not adjacent; responses of a slave; a word and
+#: its inverse; then random sets, for which a function that compares only some pairs fails.
 _TRIED = [
     (["000", "111"],),
     (["0000", "1111", "0001"],),
@@ -145,19 +145,19 @@ def distance() -> Solution:
 
 @solution("ex-03-4", hits=(5, 8, 10, 20, 30, 40), years=(5, 10, 20, 25))
 def crc_width(hits: int, years: int) -> Solution:
-    """Width of the shortest CRC that lets fewer than one disturbed message pass in `years`."""
+    """Width of the shortest CRC that misses, on average, fewer than one bad message in `years`."""
     messages = hits * 365 * years
     width = ceil(log2(messages))
     return Whole(width, "bits"), {
         "compute how many messages pass with that many bits: is it fewer than one?": width - 1,
-        "the number of bits is whole: round up or down?": log2(messages),
+        "the number of bits must be whole: round up or down?": log2(messages),
         "the hits are counted per day: how many days are there in all the years?": (
             ceil(log2(hits * years))
         ),
         "that is for one year; how many years does the ship sail?": ceil(log2(hits * 365)),
         "that is for one day; how many days are there?": ceil(log2(hits)),
         "that is the number of messages; with n check bits, one in how many passes?": messages,
-        "each bit halves the number that passes: what is the base of the logarithm?": ceil(
+        "each bit halves the number of messages that pass: what is the logarithm's base?": ceil(
             log10(messages)
         ),
         "the natural logarithm does not count halvings": ceil(log(messages)),

@@ -14,7 +14,7 @@ def transaction(master_pause: float, slave_pause: float) -> Solution:
     """Time from one request to the next."""
     right = Transaction(master_pause, slave_pause).duration * 1e6
     return Number(right, "us"), {
-        "the next request waits for the pause after the response, too": right - slave_pause * _BIT,
+        "the next request begins only after the second pause": right - slave_pause * _BIT,
         "there is a pause between the request and the response, too": right - master_pause * _BIT,
         "that is the request and the response; where are the pauses?": 21 * _BIT,
         "the response takes time too": right - 7 * _BIT,
@@ -48,7 +48,7 @@ def cycle(slaves: int, bits: int) -> Solution:
 
 
 def _efficiency(user_bits: int, master_pause: float, slave_pause: float) -> float:
-    """Return the fraction of the time that carries user data [%]."""
+    """Return the percentage of time spent on `user_bits`, the user data of both directions."""
     return 100 * user_bits / Transaction(master_pause, slave_pause).bits
 
 
@@ -57,7 +57,7 @@ _TRIED = [(8, 2, 2), (4, 3, 2), (7, 2, 1.5), (8, 10, 2), (0, 2, 2)]
 
 @solution("ex-04-3")
 def efficiency() -> Solution:
-    """Fraction of the time that carries user data."""
+    """Percentage of time spent on user data."""
     return Function(_efficiency, _TRIED, lambda right: Number(right, "%")), {
         "the pauses take time too": lambda user, master, slave: 100 * user / (14 + 7),
         "the response belongs to the exchange too": (
@@ -80,7 +80,7 @@ def efficiency() -> Solution:
 
 
 def _most(limit: float, repetitions: int) -> int:
-    """Return the largest number of slaves with which a change is known within a limit [ms]."""
+    """Return the largest number of slaves with a worst-case response time up to `limit` [ms]."""
     known = (
         Cycle(slaves).response_time(repetitions=repetitions).worst
         for slaves in range(1, ADDRESSES + 1)
@@ -89,19 +89,19 @@ def _most(limit: float, repetitions: int) -> int:
 
 
 def _fit(limit: float, exchanges: int, tail: int = 10, times: int = 1) -> int:
-    """Return how many slaves fit, with `times` exchanges each, besides `exchanges` others."""
+    """Return the largest n with (n + exchanges) * times * 26 + tail bit times in `limit` [ms]."""
     return int((limit / 6e-3 - tail) // (26 * times)) - exchanges
 
 
-# With each limit, one more slave fits if the last pause and the response are forgotten.
+# With each limit, one slave too many seems to fit if the last pause and response are omitted.
 @solution("ex-04-4", limit=(2.2, 2.5, 2.7, 3.0, 3.3, 3.8, 4.1, 4.4, 4.7, 5.0), repetitions=(3, 4))
 def most_slaves(limit: float, repetitions: int) -> Solution:
-    """Largest number of slaves with which a change is known in time."""
+    """Largest number of slaves with which the master learns of a change in time."""
     right = _most(limit, repetitions)
     return Whole(right, "slaves"), {
         "each repetition takes the time of one exchange": _most(limit, 0),
-        # Answer after rounding up, or omitting the last pause and response or an extra request.
-        "add cycle, repetitions, pause and response for this number: is that within the limit?": (
+        # The result of rounding up, or of omitting an extra request or the last pause and response.
+        "with this many slaves, do cycle, repetitions, pause and response fit within the limit?": (
             right + 1
         ),
         "two requests of a cycle are not for your slaves": right + 2,
@@ -111,5 +111,5 @@ def most_slaves(limit: float, repetitions: int) -> Solution:
         ),
         "that is the number of addresses; is the limit met with that many slaves?": ADDRESSES,
         "a change waits for at most one cycle, not two": _fit(limit, 2 + repetitions, times=2),
-        "Write the wait for ten slaves in bit times: cycle, repetitions, pause, response": ANY,
+        "For ten slaves, add the bit times of the wait: cycle, repetitions, pause, response": ANY,
     }

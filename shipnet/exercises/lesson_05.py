@@ -28,7 +28,7 @@ def _stop(ids: Sequence[str]) -> int:
 
 
 def _plain(ids: Sequence[str]) -> bool:
-    """Return whether the ids differ before any stuff bit, and reversed ids give another answer."""
+    """Return whether the loser stops before any stuff bit, and the bit order affects the answer."""
     last, winner = _stop(ids), f"{min(int(number, 16) for number in ids):011b}"
     early = [bit for number in ids for bit in Frame(int(number, 16)).stuff_positions if bit <= last]
     return not early and winner[::-1][:last] != winner[:last]
@@ -40,7 +40,7 @@ _PAIRS = tuple(filter(_plain, map(_pair, range(0x091, 0x780, 0x02F))))
 
 @solution("ex-05-1", ids=_PAIRS)
 def carried(ids: tuple[str, str]) -> Solution:
-    """Bits of the ids that the bus carries until the loser stops, without stuff bits."""
+    """Id bits that the bus carries, up to and including the one at which the loser stops."""
     numbers = [int(number, 16) for number in ids]
     last = _stop(ids)
     winner, loser = (f"{number:011b}" for number in (min(numbers), max(numbers)))
@@ -60,7 +60,7 @@ def carried(ids: tuple[str, str]) -> Solution:
 def _stuffed(
     bits: str, *, after: int = 5, only: str = "01", turned: bool = True, counted: int = 1
 ) -> str:
-    """Insert stuff bits according to a wrong rule."""
+    """Return the bits with stuff bits; the rule is right only with the default arguments."""
     out, run, last = "", 0, ""
     for bit in bits:
         run = run + 1 if bit == last else 1
@@ -71,7 +71,7 @@ def _stuffed(
     return out
 
 
-#: The fifth entry gets a stuff bit after its last bit; in the third, a stuff bit starts a run.
+#: In the third entry, a stuff bit starts a run of five; the fifth needs one at its end.
 _TRIED = [
     *(("0110",), ("11111",), ("000001111",), ("0000000000",), ("0111110000011111",), ("",)),
     *(("00000111110",), ("1111000011110000",), ("000000",)),
@@ -93,7 +93,7 @@ def stuffed() -> Solution:
         "five ones get a stuff bit too": lambda bits: _stuffed(bits, only="0"),
         "five zeros get a stuff bit too": lambda bits: _stuffed(bits, only="1"),
         "a stuff bit has the opposite value": lambda bits: _stuffed(bits, turned=False),
-        "a run of five may end with the last bit": lambda bits: _stuffed(bits[:-1]) + bits[-1:],
+        "a run of five at the end gets a stuff bit": lambda bits: _stuffed(bits[:-1]) + bits[-1:],
         "nothing is inserted; when is a stuff bit needed?": lambda bits: bits,
         "Count equal bits as you go: when does the count restart, and from what number?": ANY,
     }
@@ -113,7 +113,7 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
     right = 1e3 * response_times(messages, _RATE)["yours"].response
     stop, speed, yours, log = 1e3 * frame_length([1, 4, n_bytes, 8]) / _RATE
     bare = 1e3 * frame_length([1, 4, n_bytes, 8], stuffing="none") / _RATE
-    # If frames had no stuff bits, stop would be sent once or twice.
+    # Without stuff bits, stop is sent twice only if these frames take longer than its period.
     once = bare[3] + bare[0] + bare[1]
     return Number(right, "ms"), {
         "a less urgent frame may have just started: which one blocks, and for how long?": (
@@ -124,8 +124,8 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
         "those are frames without stuff bits; in the worst case, a frame has 55 + 10 n bits": (
             once + (bare[0] if once > stop_ms else 0.0) + bare[2]
         ),
-        "how often is stop sent while yours waits? Compare with its period": right + stop,
-        "how often is speed sent while yours waits? Compare with its period": right + speed,
+        "how often is stop sent while yours waits? Compare the wait and the period": right + stop,
+        "how often is speed sent while yours waits? Compare the wait and the period": right + speed,
         "your own frame does not block itself; which one does?": right - log + yours,
         "that is your own frame alone; which frames can come before it?": yours,
         "which message besides stop is more urgent than yours?": right - speed,
@@ -168,11 +168,11 @@ def slack(messages: str) -> Solution:
     good = tuple(audsley(known, _RATE).messages.names)
     right = _slacks(known.ordered(good))
     mistakes: dict[str, object] = {
-        "Compute the slacks of all six orders: in which order is none below zero?": ANY,
+        "Compute the slacks with each of the six orders: with which order is none below zero?": ANY,
         "that is the largest slack; which message comes closest to its deadline?": (
             max(right.values())
         ),
-        "that is one of the slacks in the right order; is it the smallest?": (
+        "that is one of the slacks with the right order; is it the smallest?": (
             sorted(right.values())[1]
         ),
         "that is a deadline minus a frame's duration; where is the wait?": min(

@@ -23,10 +23,10 @@ def request(unit: int, number: int, quantity: int) -> Solution:
         return bytes([unit, function]) + _question(first, quantity).pdu[1:]
 
     return Bytes(asking(number - 1)), {
-        "the manual counts from 1 and the line from 0: which register does this read?": (
+        "manuals count from 1 and requests from 0: which register does this read?": (
             asking(number)
         ),
-        "the line counts from 0 and the manual from 1: subtract one, not two": asking(number - 2),
+        "requests count from 0 and manuals from 1: subtract one, not two": asking(number - 2),
         "the quantity counts registers, not bytes": (
             asking(number - 1)[:-2] + (2 * quantity).to_bytes(2)
         ),
@@ -34,7 +34,7 @@ def request(unit: int, number: int, quantity: int) -> Solution:
         "both numbers are sent high byte first": (
             bytes([unit, 3]) + (number - 1).to_bytes(2, "little") + quantity.to_bytes(2, "little")
         ),
-        "the 4 in front of 40001 only says that it is a holding register: it is not sent": (
+        "the 4 in numbers like 40001 only stands for holding registers and is not sent": (
             asking(40000 + number - 1)
         ),
         "those are decimal digits: write the numbers in hexadecimal": (
@@ -65,7 +65,7 @@ def response_time(registers: int, rate: int) -> Solution:
         "one byte too few: list the bytes before and after the data": lasts(-1),
         "one byte too many: list the bytes before and after the data": lasts(1),
         "a register has 16 bits": lasts(-registers),
-        "count from the first bit to the last: the silence comes after them": (
+        "count from the first bit to the last: the silence comes after the response": (
             lasts() + 1e3 * SerialLine(rate).t35
         ),
         "that includes the request; only the response counts": lasts(8),
@@ -78,7 +78,7 @@ def _scan(n_slaves: int, n_registers: int, bit_rate: int, *, character: str = "8
 
 
 def _scan_with(silences: float, n_slaves: int, n_registers: int, bit_rate: int) -> float:
-    """Return the time of a scan with this many characters of silence per transaction."""
+    """Return the duration of a scan [s] with `silences` characters of silence per transaction."""
     return n_slaves * (13 + 2 * n_registers + silences) * 11 / bit_rate
 
 
@@ -119,7 +119,7 @@ def scan_time() -> Solution:
     "ex-06-4", rate=(38400, 57600, 115200), think_ms=range(3, 9), timeout_ms=range(150, 451, 50)
 )
 def most_valves(rate: int, think_ms: int, timeout_ms: int) -> Solution:
-    """Largest number of valves, one of them dead, that a master scans in time."""
+    """Largest number of valves, one of them dead, that a master can scan in 2 s."""
     serial = SerialLine(rate)
 
     def most(think_ms: int, dead: int = 1) -> int:
@@ -127,7 +127,7 @@ def most_valves(rate: int, think_ms: int, timeout_ms: int) -> Solution:
         return poll.max_slaves(_LIMIT, dead=dead)
 
     def fit(silence: float, characters: int = 21) -> int:
-        """Return how many valves fit with another silence or number of characters."""
+        """Return how many valves fit, given each silence [s] and the characters per transaction."""
         left = _LIMIT - 8 * serial.character_time - timeout_ms / 1e3
         each = characters * serial.character_time + 2 * silence + think_ms / 1e3
         return 1 + int(left / each)
@@ -138,9 +138,9 @@ def most_valves(rate: int, think_ms: int, timeout_ms: int) -> Solution:
             think_ms, dead=0
         ),
         "valves need time to process a request": most(0),
-        # Omitting the dead valve, or giving it processing time, gives this answer.
-        "the dead valve counts too, but it has no processing time and no silences": right - 1,
-        "the dead valve's request and time-out come first: do the others fit into the rest?": (
+        # The answer if the dead valve is omitted and, in some cases, if it has processing time.
+        "the dead valve counts too, but its poll has no processing time and no silences": right - 1,
+        "subtract the dead valve's request and time-out: do the others fit into the rest?": (
             right + 1
         ),
         "there are two silences in each transaction": fit(0),

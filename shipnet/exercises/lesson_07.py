@@ -10,7 +10,7 @@ from shipnet.remote_control.ring_buffer import Ring, State
 
 _SIZE, _CHARACTER = 128, 10
 
-#: States in which the unread bytes lie across the end of the ring.
+#: States in which the unread bytes continue from the last place of the ring to the first.
 _RINGS = tuple(
     {"no": 4 + 11 * k % 37, "ring_f": 1 - k % 2, "get_no": 88 + 17 * k % 40, "ring_get_f": k % 2}
     for k in range(24)
@@ -55,7 +55,7 @@ def empty_again(places: int, rate: int) -> Solution:
         "the rate counts bits, not bytes": right / _CHARACTER,
         "that is one byte; how many bytes arrive?": 1e3 * _CHARACTER / rate,
         "that is four laps; when do number and flag repeat?": 2 * right,
-        "After how many bytes do number and flag both repeat? How long is one byte?": ANY,
+        "After how many bytes do number and flag both repeat? How long does a byte take?": ANY,
     }
 
 
@@ -66,12 +66,12 @@ def _lost(events: str, size: int) -> int:
             ring.store(0)
         elif ring.extract().action == "repair":
             ring.extract()
-    # Overwritten bytes are lost, whether or not the reader has reached them.
+    # Also count unread bytes that are already overwritten but not yet skipped by the reader.
     return ring.lost + max(0, ring.unread - size)
 
 
 def _counting(most: int, least: int = 0) -> Callable[[str, int], int]:
-    """Return a function whose count of unread bytes stays from `least` to ``size + most``."""
+    """Return a `lost_bytes` that keeps its unread count in `least` .. ``size + most``."""
 
     def lost_bytes(events: str, size: int) -> int:
         waiting = lost = 0
@@ -100,7 +100,7 @@ def _emptied(events: str, size: int) -> int:
     return lost
 
 
-#: Events for tests: none, just full, a byte too many, reads when empty, losses around a read.
+#: No events, just full, one byte too many, reads when empty, losses after or before reads.
 _TRIED = [
     ("", 4),
     ("wwww", 4),
@@ -123,18 +123,18 @@ def lost_bytes() -> Solution:
         "a read of an empty ring changes nothing: the count of unread bytes stays at 0": (
             _counting(0, -1000)
         ),
-        "some bytes are read in between": lambda events, size: max(0, events.count("w") - size),
+        "some bytes are read between writes": lambda events, size: max(0, events.count("w") - size),
         "the order matters: a later read does not recover a lost byte": (
             lambda events, size: max(0, events.count("w") - events.count("r") - size)
         ),
         "a write to a full ring loses only the oldest byte": _emptied,
         "a full ring loses a byte with each write": lambda events, size: 0,
-        "Count the unread bytes by hand, event by event: always from 0 to `size`": ANY,
+        "Count the unread bytes by hand, event by event: the count stays between 0 and `size`": ANY,
     }
 
 
 def _places(needed: int) -> int:
-    """Return the smallest power of two that is large enough for a ring to lose nothing."""
+    """Return the smallest ring size, a power of two, with which none of `needed` bytes is lost."""
     places = 2
     while _lost("w" * needed, places):
         places *= 2
@@ -144,12 +144,12 @@ def _places(needed: int) -> int:
 # Without the bytes already waiting, the next smaller power of two would be enough.
 @solution("ex-07-4", rate=(4800, 9600, 19200), pause_ms=(125, 250), waiting=(33, 36, 39, 42))
 def free_places(rate: int, pause_ms: int, waiting: int) -> Solution:
-    """Free places of the smallest ring that holds the waiting bytes and those of a pause."""
+    """Free places of the smallest ring for the waiting bytes and those that arrive in a pause."""
     coming = rate * pause_ms // (1000 * _CHARACTER)
     needed = waiting + coming
     size = _places(needed)
     return Whole(size - needed, "places"), {
-        "that ring has room for the bytes of the pause; some bytes are already waiting": (
+        "that ring has room only for the bytes of the pause; some bytes are already waiting": (
             _places(coming) - coming
         ),
         "those are the bytes that need room; how many places are left?": needed,

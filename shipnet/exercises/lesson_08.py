@@ -46,7 +46,7 @@ def between_cuts(n: int, first: int, second: int) -> Solution:
     age=(0.3, 0.4, 0.6, 0.7),
 )
 def oldest(period: float, timeout: int, retries: int, age: float) -> Solution:
-    """Age of values on the screen when the first response on the second cable ends."""
+    """Age of the values on the screen when the first response on the second cable ends."""
 
     def old(retries: int) -> float:
         poll = Poll(_STATUS, _LINE, timeout=timeout / 1e3, retries=retries)
@@ -56,7 +56,7 @@ def oldest(period: float, timeout: int, retries: int, age: float) -> Solution:
     return Number(right, "s"), {
         "that is the gap; how old were the values when it began?": right - age,
         "how long is it until the next request? The cut came just after a response": right - period,
-        "each retry waits for its own time-out": old(0),
+        "each retry takes another request and another time-out": old(0),
         "each failed try takes a request and a time-out: how long is the request?": (
             right - (1 + retries) * _REQUEST
         ),
@@ -85,14 +85,14 @@ _TRIED: list[tuple[int, list[int]]] = [
 def lost_valves() -> Solution:
     """Number of valves lost if a loop is cut any number of times."""
     return Function(_lost, _TRIED, lambda right: Whole(right, "valves")), {
-        "that is for a line; in a loop, port B reaches the far part": (
+        "that is for an open line; in a loop, port B reaches the valves after the last cut": (
             lambda n, cuts: n - min(cuts, default=n)
         ),
-        "the cuts may come in any order": lambda n, cuts: cuts[-1] - cuts[0] if cuts else 0,
+        "the cuts may be listed in any order": lambda n, cuts: cuts[-1] - cuts[0] if cuts else 0,
         "there may be more than two cuts": (
             lambda n, cuts: abs(cuts[1] - cuts[0]) if len(cuts) > 1 else 0
         ),
-        "a cut after a valve leaves it connected to the valves before it": (
+        "the valve just before the first cut is still connected to port A": (
             lambda n, cuts: max(cuts) - min(cuts) + 1 if len(cuts) > 1 else 0
         ),
         "one cut may disconnect several valves, or none": lambda n, cuts: len(cuts),
@@ -104,17 +104,17 @@ def lost_valves() -> Solution:
 
 @solution("ex-08-4", n=range(20, 46))
 def timeout(n: int) -> Solution:
-    """Time-out with which one round and two failed polls take exactly the 2 s of the rule."""
+    """Time-out with which one scan and two failed polls take exactly the 2 s of the rule."""
     left = RULE - _POLL.scan_time(n)
     return Number(1e3 * (left / 2 - _REQUEST), "ms"), {
         "how many failed polls can one cut cause before all valves downstream use port B?": 1e3
         * (left - _REQUEST),
-        "the round of answered polls takes time too": 1e3 * (RULE / 2 - _REQUEST),
+        "the scan of answered polls takes time too": 1e3 * (RULE / 2 - _REQUEST),
         "a failed poll takes longer than its time-out: the request has to be sent": 1e3 * left / 2,
         "one cut causes two failed polls at most, not three": 1e3 * (left / 3 - _REQUEST),
-        "in a round every valve answers: how long is an answered poll?": (
+        "in the scan every valve answers: how long is an answered poll?": (
             1e3 * ((RULE - n * _REQUEST) / 2 - _REQUEST)
         ),
         "that is the time for both failed polls, requests included": 1e3 * left,
-        "Write the 2 s as a sum: one round, plus how many times a request and a time-out?": ANY,
+        "Write the 2 s as a sum: one scan, plus how many times a request and a time-out?": ANY,
     }

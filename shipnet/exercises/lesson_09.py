@@ -17,13 +17,13 @@ _BASE = rule_base()
 
 
 def _firing(readings: Mapping[str, Any], method: str) -> list[list[str]]:
-    """Return the rules with a strength above zero, for each set of readings."""
+    """Return, for each set of readings, the codes of the rules whose strength is above zero."""
     fired = np.atleast_2d(_BASE.fire(readings, method=method).strength) > 0
     return [[code for code, fires in zip(_BASE.codes, row, strict=True) if fires] for row in fired]
 
 
 def _cases() -> tuple[dict[str, float], ...]:
-    """Return readings for which 2 to 4 rules hold; with ramps or single terms, others hold."""
+    """Return readings for which 2 to 4 rules hold; ramps, or `_any_of`, give a different list."""
     values = ((1.8, 118, 128), (0, 1.2, 4.1), (0, 2.3, 3.4), (50, 86, 95), (-3, 40, 103), (0, 2))
     every = np.array(list(product(*values)))
     readings = dict(zip(_BASE.names, every.T, strict=True))
@@ -46,7 +46,7 @@ def _any_of(readings: dict[str, float]) -> list[str]:
 
 
 def _mean(found: list[str]) -> frozenset[str]:
-    """Return the fault whose number is the mean of the numbers of some faults."""
+    """Return the fault whose number is the rounded mean of the numbers of the faults found."""
     return frozenset({_BASE.codes[round(np.mean([*map(_BASE.codes.index, found)]))]})
 
 
@@ -71,7 +71,7 @@ def codes(readings: dict[str, float]) -> Solution:
 # No two memberships are equal, so each mistake gives a different number.
 @solution("ex-09-2", FP=(116, 118, 119, 122, 124), OP=(2.25, 2.45, 2.65, 2.85))
 def strength(FP: float, OP: float) -> Solution:
-    """Firing strength of a rule with two terms."""
+    """Whether a rule with two terms holds as printed, and its firing strength with ramps."""
     terms = [float(_BASE[name]["high"].membership(x)) for name, x in (("FP", FP), ("OP", OP))]
     holds = int(_BASE.fire({"FP": FP, "OP": OP}, method="crisp")["V1"])
 
@@ -93,7 +93,7 @@ def strength(FP: float, OP: float) -> Solution:
 
 @cache
 def _persistent(fires: str, k: int, n: int) -> str:
-    """Return for which readings the hot-motor code is active if its rule fires as given."""
+    """Return, as 0s and 1s, when the hot-motor code is active if its rule fires as in `fires`."""
     hot = {"OT": np.where(np.array(list(fires)) == "1", 100, 20)}
     active = _BASE.decide(hot, k=k, n=n).active[:, _BASE.codes.index("O1")]
     return "".join(map(str, active.astype(int)))
@@ -104,16 +104,16 @@ def _marks(found: Iterable[bool]) -> str:
 
 
 def _windows(fires: str, n: int, last: int = 0) -> list[str]:
-    """Return, for each place, the `n` readings that end `last` places before it."""
+    """Return, for each reading, the window of at most `n` that ends `last` readings before it."""
     return [fires[max(0, i + 1 - last - n) : max(0, i + 1 - last)] for i in range(len(fires))]
 
 
 def _slices(fires: str, n: int) -> list[str]:
-    """Return windows whose negative start wrongly counts from the end of the readings."""
+    """Return windows whose start, if negative, wrongly counts from the end of the readings."""
     return [fires[end - n : end] for end in range(1, len(fires) + 1)]
 
 
-#: Readings for tests: one reading, none that fires, all firing, gaps, and flickering.
+#: One reading; the rule fires never, always or with gaps; fewer readings than the window.
 _TRIED = [
     ("1", 1, 1),
     ("0000", 1, 3),
@@ -127,7 +127,7 @@ _TRIED = [
 
 @solution("ex-09-3")
 def persistence() -> Solution:
-    """Readings at which a code is active if its rule fires intermittently."""
+    """Readings for which a code is active if its rule fires intermittently."""
     return Function(_persistent, _TRIED, Bits), {
         "k readings are enough: k or more, not more than k": (
             lambda fires, k, n: _marks(part.count("1") > k for part in _windows(fires, n))
@@ -141,7 +141,7 @@ def persistence() -> Solution:
         "the window ends with this reading; it does not begin with it": (
             lambda fires, k, n: _marks(fires[i : i + n].count("1") >= k for i in range(len(fires)))
         ),
-        "those are the readings; count the ones among the last n": lambda fires, k, n: fires,
+        "those are the readings; count the 1s among the last n": lambda fires, k, n: fires,
         "at the beginning the window is shorter: where does your slice begin?": (
             lambda fires, k, n: _marks(part.count("1") >= k for part in _slices(fires, n))
         ),
@@ -150,10 +150,10 @@ def persistence() -> Solution:
                 len(part) == n and part.count("1") >= k for part in _windows(fires, n)
             )
         ),
-        "which of k and n is the window, and which is the number that must fire?": (
+        "which of k and n is the window's length, and which is how often the rule must fire?": (
             lambda fires, k, n: _marks(part.count("1") >= n for part in _windows(fires, k))
         ),
-        "Write the last n readings below each reading, and count the ones": ANY,
+        "Write the last n readings below each reading, and count the 1s": ANY,
     }
 
 
@@ -166,25 +166,25 @@ def windows(burst: int, period: int, step: int) -> Solution:
         k = next(k for k in range(1, n + 1) if "1" not in _persistent(bursts, k, n))
         rows.append({"n": n, "k": k, "delay": _persistent("1" * n, k, n).index("1") * step})
     return Table(rows, {"delay": "ms"}), {
-        "a long window contains more than one burst: count again in the longer ones": [
+        "a long window contains more than one burst: count again in the longer windows": [
             {**row, "k": burst + 1, "delay": burst * step} for row in rows
         ],
-        "with these values of `k` the bursts raise an alarm: one more is needed": [
+        "with these values of `k` the bursts raise an alarm: each `k` must be one larger": [
             {**row, "k": row["k"] - 1, "delay": row["delay"] - step} for row in rows
         ],
-        "the first reading that fires counts too: how many steps later is the k-th?": [
+        "the first reading of the fault counts too: how many steps later is the k-th?": [
             {**row, "delay": row["delay"] + step} for row in rows
         ],
         "the alarm need not wait until the window is full": [
             {**row, "delay": (row["n"] - 1) * step} for row in rows
         ],
-        "your `delay` is in readings; how long is a step?": [
+        "your `delay` is in steps; how long is a step?": [
             {**row, "delay": row["delay"] / step} for row in rows
         ],
         "`k` = `n` is safe, but a smaller `k` may be enough": [
             {**row, "k": row["n"], "delay": (row["n"] - 1) * step} for row in rows
         ],
-        "with this `k` a burst still raises an alarm: one more is needed": [
+        "with this `k` a burst still raises an alarm: `k` must be one larger": [
             {**row, "k": row["k"] - 1} for row in rows
         ],
         "Slide a window along the pattern: how many disturbed readings are in it at most?": ANY,

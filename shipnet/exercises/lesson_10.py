@@ -13,7 +13,7 @@ from shipnet.design.plant import Plant
 from shipnet.exercises.answers import Function, Number, Words
 from shipnet.exercises.exercise import ANY, Solution, solution
 
-#: Total cost [EUR], points lost by one failure, and faults, by option.
+#: Total cost [EUR], points lost in the worst single failure, and number of faults, by option.
 _Options = Mapping[str, tuple[int, int, int]]
 
 #: A plan with unconnected points.
@@ -57,7 +57,7 @@ def _quantities(
 
 @solution("ex-10-2", modules=(12, 14, 16, 20, 24), distance=(30, 40, 60, 80))
 def saved(modules: int, distance: float) -> Solution:
-    """Percentage of the cost that AS-i saves."""
+    """Cost that AS-i saves, as a percentage of the cost of home runs."""
 
     def of(figure: str, spacing: float = 4, contacts: int = 2) -> float:
         wired, bus = _quantities(modules, distance, spacing, contacts)
@@ -101,7 +101,7 @@ def break_even(modules: int, spacing: float) -> Solution:
 
 @cache
 def _reviews() -> tuple[_Options, _Options]:
-    """Return three faultless plans of the ballast valves, and three of which one has faults."""
+    """Return two sets of three plans for the ballast valves; one plan in the second has faults."""
     ship = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
     ballast = ship.where("system == 'Ballast valve'")
     ways = ["home runs", "junction boxes", "AS-i", "CAN"]
@@ -120,7 +120,7 @@ def _reviews() -> tuple[_Options, _Options]:
 
 
 def _good(options: _Options, limit: float, faults: bool = False) -> Iterator[tuple[int, int, str]]:
-    """Yield cost, loss and name of options within a limit, by default only those without faults."""
+    """Yield cost, loss and name of options that lose at most `limit`; `faults` allows faults."""
     for name, (cost, lost, wrong) in options.items():
         if lost <= limit and (faults or not wrong):
             yield cost, lost, name
@@ -131,7 +131,7 @@ def _cheapest(options: _Options, limit: float, faults: bool = False) -> str:
 
 
 def _cases() -> list[tuple[_Options, int]]:
-    """Return sets of options (one is invented), each with a limit on the loss."""
+    """Return pairs of a set of options and a limit on the loss; the first set is invented."""
     made_up = {"home runs": (50, 3, 0), "CAN": (40, 5, 0), "AS-i": (60, 4, 0), _POOR: (55, 2, 0)}
     long, short = _reviews()
     most = long["AS-i"][1]
@@ -141,7 +141,7 @@ def _cases() -> list[tuple[_Options, int]]:
 
 @solution("ex-10-4")
 def choice() -> Solution:
-    """Cheapest option that loses few points and has no faults."""
+    """Cheapest option that has no faults and loses no more points than a limit allows."""
     options = (*dict.fromkeys((*_reviews()[0], *_reviews()[1])), "none")
     return Function(_cheapest, _cases(), lambda right: Words(right, options)), {
         "this option is cheap, but does it lose more points than the limit allows?": (

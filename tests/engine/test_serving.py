@@ -126,7 +126,7 @@ def test_what_cannot_be_served_is_refused():
 def test_the_program_serves_the_boxes_and_stops_upon_an_interrupt():
     with running("serve", "engine", "--port", "0", "--speed", "0") as program:
         said = program.stdout.readline()
-        port = int(re.search(r"port (\d+) \(TCP\): unit ids 2 and 3, faults on 247", said)[1])
+        port = int(re.search(r"port (\d+) \(TCP\): unit ids 2 and 3, and 247 for faults", said)[1])
         client = ModbusTcpClient("127.0.0.1", port=port, timeout=60)
         found = [
             client.read_holding_registers(0, count=99, device_id=unit).registers for unit in (2, 3)

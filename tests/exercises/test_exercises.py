@@ -219,7 +219,7 @@ def test_a_typical_wrong_answer_is_refused_and_leads_on(key, wrong):
         if said is None:  # a wrong way may lead to the right answer with some numbers
             assert right.fault(right.read(answer)) is None and right.value is not answer
             continue
-        assert said in mistakes or said.endswith(("?", f". {begin}")) or " stops in " in said
+        assert said in mistakes or said.endswith(("?", f". {begin}")) or " stops on " in said
         assert not gives_away(said, right)
 
 
@@ -455,7 +455,7 @@ def test_a_function_that_stops_is_reported_with_its_line():
         return n / zero
 
     assert re.fullmatch(
-        r"divide\(1\) stops in line 3, `return n / zero`: ZeroDivisionError: .*",
+        r"divide\(1\) stops on line 3, `return n / zero`: ZeroDivisionError: .*",
         said_of(TWICE, divide),
     )
 
