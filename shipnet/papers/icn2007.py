@@ -52,7 +52,7 @@ def example_for_21a(*, data: int = 0xE) -> bool:
 @numeric("icn2007-044", profile="S-7.F")
 @numeric("icn2007-020", profile="S-7.A")
 def output_bits(*, profile: str) -> int:
-    """Output bits of a request to a standard slave, or to one that shares its address."""
+    """Number of output bits in a request to a slave with this profile."""
     return Profile.parse(profile).output_bits
 
 
@@ -60,7 +60,7 @@ def output_bits(*, profile: str) -> int:
 def same_answer(
     *, halves: tuple[Half | None, Half | None] = (None, "A"), asked: bool = False
 ) -> bool:
-    """Whether a standard and an A slave have equal responses or, if `asked`, equal requests."""
+    """Whether a standard and an A slave send equal responses or, if `asked`, get equal requests."""
     requests = [Request.data_exchange(21, 0x6, half) for half in halves]
     said = [request if asked else request.answer(0x6) for request in requests]
     return said[0].bits == said[1].bits
@@ -101,7 +101,7 @@ def gap_after_silence(run: Run, slave: str) -> float:
 @check("kim2023-089", repeats=True, counter={"wait": 11.0})
 @check("icn2007-038", repeats=False, counter={"wait": 11.0})
 def goes_on_after(*, repeats: bool, wait: float = 10.0) -> bool:
-    """Whether the master waits this many bit times for a response, then goes on or repeats."""
+    """Whether the master waits `wait` bit times for a response and, if `repeats`, tries again."""
     run = simulate(five_slaves(), cycles=20, faults=[DeadSlave("3", start=0.02)])
     repeated = (run.events().query("slave == '3'")["attempt"] == 1).any()
     return bool(repeated or not repeats) and round(gap_after_silence(run, "3"), 6) == wait
@@ -134,7 +134,7 @@ def answer_to(bits: str) -> str:
 
 @check("icn2007-034", counter={"lost": 0})
 def repeats_what_was_done(*, lost: int = 1) -> bool:
-    """Whether a request is repeated although its slave executed it, if responses are lost."""
+    """Whether the master repeats a request that was executed but whose response was lost."""
     faults = [LostReply("3", start=0.02, count=lost)] if lost else []
     run = simulate(five_slaves(), cycles=20, faults=faults)
     rows = run.events()
@@ -188,7 +188,7 @@ def rate_table() -> pd.DataFrame:
 
 
 def _rates(one: Transaction, used: float = 1.0) -> tuple[float, float, float]:
-    """Return length [bit], net rate and efficiency if this fraction of transactions has data."""
+    """Return bits, net rate [kbit/s], efficiency [%] if this fraction of transactions has data."""
     return one.bits, 1e-3 * used * one.net_rate, 100 * used * float(one.efficiency())
 
 
@@ -223,9 +223,9 @@ check("icn2007-031", counter={"closed": False})(
 
 
 def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -> float:
-    """Return the voltage drop to a load of 1 A on a line or a ring [V].
+    """Return the voltage drop [V] from the supply to a load of 1 A on a line or a ring.
 
-    A ``closed`` cable returns to the supply. Cables have two cores of 1.5 mm2; lengths are in m.
+    If `closed`, the cable returns to the supply. It has two cores of 1.5 mm2; lengths are in m.
     """
     (segment,) = (ring if closed else line)(length, [place], current=1.0).segments
     voltage = segment.voltages
@@ -260,10 +260,10 @@ def dense_pulses_change_more(*, length: float = 100.0) -> bool:
 def pulse_height(
     length: float, bits: str, *, place: float = 5.0, terminator: float | None = None
 ) -> float:
-    """Return the height of the pulses at the master in the middle of a long telegram [V].
+    """Return the height [V] of the highest pulse at the master, from 40 % to 80 % of a telegram.
 
     The pulses of equal bits are half a bit apart, those of alternating bits one bit. The sender is
-    at `place` [m], master and supply are at 0, and the `terminator` [ohm] is at the far end.
+    at `place` [m], master and supply at 0, and the `terminator` [ohm], if any, at the far end.
     """
     plan = line(length, slaves=(place,), terminator=terminator)
     dt, end = 50e-9, 2 * len(bits) * HALF_BIT
@@ -275,9 +275,9 @@ def pulse_height(
 
 @check("icn2007-033", counter={"speed": 2.0})
 def signal_suits_cable(*, speed: float = 1.0, length: float = 100.0) -> bool:
-    """Whether an open end distorts a request's spectrum less than half as much as that of noise.
+    """Whether an open end distorts a request's spectrum less than half as much as a noise spectrum.
 
-    The request has `speed` times the bit rate of AS-i; the noise is white, up to 3 MHz.
+    The request is sent at `speed` times the bit rate of AS-i; the noise is white, up to 3 MHz.
     """
     frequencies = FREQUENCIES[FREQUENCIES < 3e6]
     s = 2j * np.pi * frequencies
@@ -292,8 +292,8 @@ def bent_by_the_end(
 ) -> float:
     """Return how unevenly an open end changes the spectrum that the master receives.
 
-    The measure is the standard deviation of the ratio of open to matched end, divided by its mean,
-    both weighted by energy.
+    The measure is the standard deviation, divided by the mean, of the ratio of the amplitudes with
+    open and with matched end; both are weighted by `energy`.
     """
     heard = [
         np.abs(
@@ -323,7 +323,7 @@ check("icn2007-051", counter={"pulse": "rectangle"})(
 def share_above(frequency: float, *, pulse: str = "sin2") -> float:
     """Return the fraction of the example request's energy above a frequency [Hz].
 
-    The `pulse` is ``"sin2"``, ``"half sine"`` or ``"rectangle"``, each a half-bit long.
+    The `pulse` is ``"sin2"``, ``"half sine"`` or ``"rectangle"``, each half a bit long.
     """
     x = FREQUENCIES * HALF_BIT
     shape = {
@@ -363,7 +363,7 @@ def keeps_all_rules(plan: Plan) -> bool:
 
 
 def trunk_and_star(leg: float = 10 / SLAVES, supply: float = 90.0) -> Plan:
-    """Return 90 m of cable and a star of 62 slaves, with the supply at its hub or elsewhere."""
+    """Return 90 m of cable, fed at `supply` [m], and at its end a star of 62 legs of `leg` [m]."""
     return star(90, [leg] * SLAVES, supply=supply)
 
 
@@ -416,7 +416,7 @@ def robust_on_any_topology(*, longest: float = 100.0) -> bool:
 
 @check("icn2007-058", counter={"power": 1})
 def current_is_the_integral(*, power: int = 2) -> bool:
-    """Whether the slope of the send current is sin raised to this power, within a thousandth."""
+    """Whether the send current's slope has pulses of sin**`power`, to within 0.1 % of the peak."""
     bits = Request.data_exchange(21, 0xE).bits
     t = np.arange(0.0, 2 * HALF_BIT * len(bits) + 2e-6, 20e-9)
     slope = np.gradient(Modulation(bits).current(t), t)
@@ -436,7 +436,7 @@ def only_one_telegram_is_repeated(*, lost: int = 1) -> bool:
 
 @check("icn2007-060", counter={"dead": True})
 def response_time_is_guaranteed(*, dead: bool = False) -> bool:
-    """Whether each of 31 slaves exchanges data once per cycle time, with slave 3 healthy or not."""
+    """Whether every slave exchanges data at least once per cycle time; if `dead`, slave 3 fails."""
     faults = [DeadSlave("3", start=0.25, stop=0.3)] if dead else []
     run = simulate([Slave(f"{address}") for address in range(1, 32)], until=0.4, faults=faults)
     done = run.events().query("call == 'DATA_EXCHANGE' and outcome == 'ok' and time_s > 0.2")
@@ -450,7 +450,7 @@ check("icn2007-061", "kim2023-101", counter={"distance": 5})(
 
 
 def hamming_distance(crc: Crc, payload: int) -> int:
-    """Return the Hamming distance of frames with a `payload` of this many bytes, at most 5."""
+    """Return the Hamming distance of frames with `payload` bytes of data; 5 means 5 or more."""
     single = np.asarray(crc.syndromes(payload))
     first, second = np.triu_indices(single.size, 1)
     double = single[first] ^ single[second]

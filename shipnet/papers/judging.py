@@ -25,7 +25,7 @@ UNDECIDED = ("not verified", "not reproducible", "open")
 #: The condition of a verdict that needs no qualification.
 AS_PRINTED = "as printed"
 
-#: Colour of each treatment of a claim: the basis of a judged one, or why it is not judged.
+#: Colour of each treatment of a claim: its basis if it is judged, or else the reason why not.
 _COLOURS = {
     "model": "#0072B2", "arithmetic": "#56B4E9", "count": "#D55E00", "ours": "#009E73",
     "erratum": "#CC79A7", "context": "#d9d9d9", "not verified": "#b0b0b0",
@@ -92,8 +92,8 @@ class Ledger:
     def table(self) -> pd.DataFrame:
         """Return every claim, indexed by its id.
 
-        `published` is as printed; `computed` is a float, or a bool for a statement, or None;
-        `relative_difference` is computed / published - 1.
+        `published` is as printed; `computed` is a float, or a bool for a statement, or None if not
+        computed; `relative_difference` is computed / published - 1.
         """
         return pd.DataFrame([_judge(claim) for claim in self._claims]).set_index("id")
 
@@ -112,7 +112,7 @@ class Ledger:
         return self.table().query("status == 'judged'")
 
     def differing(self) -> pd.DataFrame:
-        """Return the judged claims that do not simply agree, with the reasons."""
+        """Return the judged claims whose verdict is not ``"agrees"``, with the reasons."""
         columns = ["where", "claim", "published", "verdict", "holds_under", "corrected", "note"]
         return self.judged().query("verdict != 'agrees'")[columns]
 
@@ -216,11 +216,11 @@ def as_number(text: str) -> float:
 
 
 def match(published: float, computed: float, precision: float) -> str:
-    """Compare a printed number with a computed one, by the unit of the last printed digit.
+    """Compare a printed and a computed number; `precision` is the unit of the last printed digit.
 
     Return ``"within precision"`` if they differ by at most half of `precision`; ``"factor 1000"``
-    or another power of ten, from 10**-9 to 10**9, if they do after this shift of the decimal point;
-    else ``"differs"``.
+    or another power of ten from 10**-9 to 10**9, if they do so once the computed number is divided
+    by this factor; else ``"differs"``.
     """
     slack = 0.5 * precision * (1 + 1e-9)
     if abs(computed - published) <= slack:
@@ -300,7 +300,7 @@ def _says(row: Mapping[str, Any]) -> str:
 
 
 def computed_text(row: Mapping[Any, Any]) -> str:
-    """Return the computed value without its unit; for an erratum only if it is a number."""
+    """Return the computed value without its unit; empty for an erratum whose value is a bool."""
     if row["kind"] == "erratum" and isinstance(row["computed"], bool):
         return ""
     return format_computed(row["computed"], str(row["published"]))
@@ -321,7 +321,7 @@ def _verdict(row: Mapping[str, Any]) -> str:
     if said.startswith(("agrees", "ours", "context")):
         return said
     instead = f"Instead: {row['corrected']}" if row["corrected"] else ""
-    # The first sentence of the note: the next one begins with a capital, unlike "p. 5".
+    # Only the first sentence: a full stop ends it only before a capital, so not in "p. 5".
     why = re.split(r"\.(?:\s+(?=[A-Z])|$)", str(row["note"]))[0]
     return ". ".join(filter(None, [said, instead, why[:1].upper() + why[1:]]))
 

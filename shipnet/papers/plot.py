@@ -71,7 +71,7 @@ def outline(ax: Axes, blocks: Blocks, ways: Ways, arrowstyle: str = "->") -> Non
         arrow(ax, begin, end, arrowstyle)
         if word:
             x, y = (begin + end) / 2
-            # The label is above a horizontal arrow, and left of any other.
+            # The label is above a horizontal arrow, and to the left of any other.
             level = abs(way[1]) < 0.1
             ax.text(
                 x - (0 if level else 0.2), y + (0.05 if level else 0), word,

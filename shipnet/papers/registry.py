@@ -1,9 +1,9 @@
 """The functions that recompute claims and draw figures of the papers.
 
-The function of a *numeric* claim returns our number, that of a *qualitative* one whether the
-statement holds. Both have named inputs, so that a test can change one and see the result change.
-Claims that differ only in their inputs share a function. A function that is a single expression is
-written as a lambda, and its claim explains it.
+The function of a *numeric* claim returns our number, and the function of a *qualitative* claim
+returns whether the statement holds. Functions have named inputs, so that a test can change an input
+and see the result change. Claims that differ only in their inputs share a function. A registered
+lambda has no docstring; its claim explains what it computes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Recomputation:
 
     @property
     def evidence(self) -> str:
-        """Full name of the function, or of the module if it is a lambda."""
+        """Full name of the function, or of its module if the function is a lambda."""
         return f"{self.function.__module__}.{self.function.__name__}".removesuffix(".<lambda>")
 
 
@@ -62,12 +62,12 @@ REGISTRY: dict[str, Recomputation] = {}
 #: (paper, item) -> function that draws a printed figure on given axes.
 FIGURES: dict[tuple[str, str], Callable[..., Any]] = {}
 
-#: Papers with claims that another paper's modules register.
+#: Paper -> the other paper whose modules register some of its claims.
 _LEANS_ON = {"icn2007": "kim2023", "kim2023": "icn2007"}
 
 
 def load(papers: Collection[str] = tuple(PAPERS)) -> None:
-    """Import the functions of some papers only, because imports take time."""
+    """Import the modules for the claims of these papers only, because imports take time."""
     wanted = {*papers, *(_LEANS_ON[paper] for paper in papers if paper in _LEANS_ON)}
     for paper in PAPERS:
         if paper in wanted:

@@ -89,7 +89,7 @@ def test_a_printed_loop_without_end_is_refused():
     chip = Usart(16.00001 * 2**-14)
     chip.write(1, 0.0)
     chip.write(2, 0.0)
-    with pytest.raises(ArgumentError, match=r"poll is 6\.1.*byte 0 is still written"):
+    with pytest.raises(ArgumentError, match=r"poll is 6\.1.*byte 0 is still being rewritten"):
         send(chip, b"a", printed=True, poll=2**-14)
     with pytest.raises(ArgumentError, match="poll is 0"):
         send(Usart(BYTE), b"a", printed=True, poll=0)

@@ -25,11 +25,11 @@ from shipnet.remote_control.system import BIT_RATES, VALUES, Supervision, System
 _TABLE = datasets.read("chung1998_parameters.csv")
 PRINTED = dict(zip(_TABLE["parameter"], _TABLE["value"], strict=True))
 
-#: Inputs of an 8259, and counters of an 8253, from Intel's data sheets.
+#: Number of inputs of an 8259, and of counters of an 8253, from Intel's data sheets.
 _INPUTS, _COUNTERS = 8, 3
 
 # Each line needs an interrupt for received bytes and its own clock; supervision needs another
-# interrupt and clock. Sending needs no interrupt, because it polls.
+# interrupt and clock. Sending needs no interrupt, because the sending loop polls the chip.
 check("chung1998-001", counter={"lines": 3})(
     lambda *, lines=int(PRINTED["chips_8251"]): lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
 )
@@ -37,7 +37,7 @@ check("chung1998-001", counter={"lines": 3})(
 
 @numeric("chung1998-029")
 def serial_chips(*, hops: tuple[Hop, ...] = tuple(h for h in HOPS if h[0] == "RCS")) -> int:
-    """Serial chips that the station with the most partners needs, one per partner."""
+    """Number of serial chips, one per partner, that the station with the most partners needs."""
     return max(sum(station == source for source, _ in hops) for station in STATIONS)
 
 
@@ -49,9 +49,9 @@ check("chung1998-030", counter={"flows": HOPS[:3]})(
 def send_loops(
     packet: bytes, waiting: bytes = b"12", polls: Sequence[float] = (20e-6,)
 ) -> pd.DataFrame:
-    """Return the bytes that the printed and the intended loop send on an idle and a busy chip.
+    """Return what the printed and the intended loop send through an idle and a busy chip.
 
-    The line runs at 9600 bit/s. Only the printed loop on a busy chip depends on the time per poll.
+    The line runs at 9600 bit/s. The time per poll affects only the printed loop with a busy chip.
     """
     if not polls:
         raise ArgumentError("polls is empty; it must contain at least one time [s]")
@@ -71,7 +71,7 @@ def send_loops(
 
 @check("chung1998-008", counter={"printed": False})
 def loop_sends_each_byte(*, printed: bool = True) -> bool:
-    """Whether the loop sends every byte of a packet once on an idle chip."""
+    """Whether the loop sends every byte of a packet exactly once through an idle chip."""
     packet = bytes.fromhex("cc dd 03 34 12 ee")
     return send(Usart(10 / 9600), packet, printed=printed).line == packet
 
@@ -103,7 +103,7 @@ _DATUM = tuple(_FIELDS.loc[_FIELDS["kind"] == "data", "field"])
 @numeric("chung1998-038", reading="B")
 @numeric("chung1998-039", reading="C")
 def length(*, reading: Literal["A", "B", "C"], items: int = ITEMS) -> int:
-    """Bytes that carry this many data items; in reading C each item has its own packet."""
+    """Bytes needed to send this many data items; in reading C each item has its own packet."""
     if reading == "C":
         return check_whole("items", items, 0, 204) * MarkerFormat("A").size(1)
     return MarkerFormat(reading, max(items, 1)).size(items)
@@ -120,14 +120,14 @@ def datum_is_number_low_high(*, order: tuple[str, ...] = _DATUM) -> bool:
 
 
 def flags_at(reading: Literal["A", "B"], items: int) -> list[tuple[int, int]]:
-    """Return the position of each flag in a packet of this many data items."""
+    """Return the position and value of each flag in a packet of this many data items."""
     packet = MarkerFormat(reading, items).encode(dict.fromkeys(range(items), 0))
     return [(place, byte) for place, byte in enumerate(packet) if byte >= min(FLAGS)]
 
 
 @check("chung1998-037", counter={"flags": (0xCC, 0xEE, 0xDD)})
 def flags_stand_in_order(*, flags: tuple[int, ...] = FLAGS) -> bool:
-    """Whether these flags start a packet, start its data and end it, in all three readings."""
+    """Whether these flags mark packet start, data start and packet end in all three readings."""
     start, data, end = flags
     once = [(0, start), (1, data)]
     return (
@@ -156,7 +156,7 @@ def any_subset_can_be_sent(*, numbered: bool = True) -> bool:
 def copies_stay_equal(*, lost: int = 0) -> bool:
     """Whether sending only changes keeps both tables equal if this many packets are lost.
 
-    Each of 200 packets must have 3 bytes, and 3 more per changed data item.
+    The length of each of 200 packets must be 3 bytes, plus 3 bytes per changed data item.
     """
     rng = np.random.default_rng(2024)
     form = MarkerFormat(n_numbers=ITEMS)
@@ -183,7 +183,7 @@ def as_printed(items: int = ITEMS, **fields: Any) -> System:
 
 @numeric("chung1998-003")
 def cycle_time(*, items: int = ITEMS) -> float:
-    """Duration of one exchange with BCS and one with SS, without processing [s]."""
+    """Time for one exchange with BCS and one with SS together, without processing [s]."""
     return as_printed(items).cycle_time
 
 
@@ -304,9 +304,9 @@ check("chung1998-074", counter={"changed": ITEMS})(
 
 @check("chung1998-068", counter={"interval": 3600.0})
 def loss_does_no_harm(*, interval: float = 1.0) -> bool:
-    """Whether values that change every `interval` [s] are correct within `PATIENCE` on average.
+    """Whether values are right again within `PATIENCE`, on average, after a failed packet.
 
-    We assume one data item per packet and a bit error rate of 1e-5.
+    They change every `interval` [s]. Assumed: one data item per packet, a bit error rate of 1e-5.
     """
     form = MarkerFormat(n_numbers=ITEMS)
     wait = switch_staleness(
@@ -317,7 +317,7 @@ def loss_does_no_harm(*, interval: float = 1.0) -> bool:
 
 @check("chung1998-069", counter={"place": 3})
 def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
-    """Whether an error in this byte costs the data of its packet, but not of the next packet."""
+    """Whether an error in this byte costs the data of its packet, but of no other packet."""
     form = MarkerFormat(n_numbers=ITEMS)
     stream = b"".join(form.encode({0: turn, 1: turn}) for turn in range(1, 6))
     hit = bytearray(stream)

@@ -28,7 +28,7 @@ _STATIONS = {
     "SS": (4.8, "safety system"),
 }
 
-#: Numbers and values of a packet to draw.
+#: Numbers and values of the data items in the packet that is drawn.
 _ITEMS = {0: 1, 3: 120, 4: 0x1234}
 
 # The flow charts follow the text of sections 4 to 4.3.
@@ -110,7 +110,7 @@ def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:
 
 
 def plot_switch(runs: Mapping[str, Run], number: int, *, ax: Axes) -> Axes:
-    """Draw a switch of the bridge and its state at the safety system."""
+    """Draw the state of a bridge switch over time, and what the safety system shows for it."""
     first = next(iter(runs.values()))
     rows = {"BCS: the switch": first.history(number, "BCS")}
     rows |= {f"SS: {name}": run.history(number, "SS") for name, run in runs.items()}

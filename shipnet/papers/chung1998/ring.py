@@ -35,13 +35,13 @@ SIZE = int(PRINTED["ring_size"])
 
 
 def states(places: int, flags: int) -> list[State]:
-    """Return all states of a ring with this many places and values of each flag."""
+    """Return all states of a ring with this many places, and this many values of each flag."""
     return [State(*four) for four in product(*2 * (range(places), range(flags)))]
 
 
 @numeric("chung1998-033")
 def virtual_rings(*, with_flag: bool = True) -> int:
-    """Laps that the writer's variables distinguish, with or without the flag."""
+    """Number of laps that the writer's variables distinguish, with or without the flag."""
     ring, seen = Ring(SIZE), set()
     for _ in range(4 * SIZE):
         seen.add(ring.state[:2] if with_flag else ring.state[:1])
@@ -51,7 +51,7 @@ def virtual_rings(*, with_flag: bool = True) -> int:
 
 @numeric("chung1998-049")
 def variables(*, flags: int = 2) -> int:
-    """Number of variables that decide the next step if a flag has this many values."""
+    """Number of variables on which the case depends if a flag has this many values."""
     every = states(2, flags)
     return sum(
         any(
@@ -111,7 +111,7 @@ def stops_behind_the_packet(*, while_receiving: bool = True) -> bool:
 
 @check("chung1998-054", counter={"before": bytes([0xCC, 0xDD])})
 def packet_is_found(*, before: bytes = bytes(5)) -> bool:
-    """Whether a packet after other bytes is found at every place of the ring."""
+    """Whether a packet that follows other bytes is found at every place of the ring."""
     form = MarkerFormat(n_numbers=ITEMS)
     sent = {number: 1000 + number for number in range(ITEMS)}
     for place in range(SIZE):
@@ -140,7 +140,7 @@ def extraction(
 ) -> pd.DataFrame:
     """Count the bytes read outside the ring, and the wrong values, for each place of a packet.
 
-    Unless the indices `wrap`, they reach beyond the ring, where we assume two zeros in memory.
+    Without `wrap`, indices can pass the end of the ring, where we assume two zero bytes in memory.
     """
     form = packet_format or MarkerFormat()
     packet = form.encode(items)
@@ -169,7 +169,7 @@ def stored_in(size: int, received: bytes) -> Ring:
 
 
 def overrun_rings(items: int) -> Iterator[Ring]:
-    """Return rings in case c, for every place of the writer and every phase of a stream."""
+    """Return rings in case c, for every place of the writer and every starting byte in a packet."""
     phases = length(reading="A", items=items)
     stream = MarkerFormat(n_numbers=items).stream(2 * SIZE + phases)
     for no in range(SIZE):
@@ -207,9 +207,9 @@ def packets_found(waiting: int, rule: Literal["intended", "corrected"], get_no: 
 def recovered(
     waiting: Sequence[int] = range(0, 3 * SIZE + 1, 8), places: Sequence[int] = range(0, SIZE, 8)
 ) -> pd.DataFrame:
-    """Return how many packets the intended and the corrected ring yield, by ``waiting`` bytes.
+    """Return how many packets the intended and the corrected ring yield after ``waiting`` bytes.
 
-    ``intended`` is the mean over the reader's `places`, ``stops`` the fraction at which it stops.
+    ``intended`` is the mean over the reader's `places`, ``stops`` the fraction of them in case a.
     """
     if not len(places):
         raise ArgumentError("places is empty; it must contain at least one place")
@@ -227,7 +227,7 @@ def recovered(
 
 @check("chung1998-013", counter={"shift": 2})
 def repair_restores_order(*, shift: int = 1) -> bool:
-    """Whether each repair of case c ends in b or d, at the first 0xCC from SIZE >> shift or 0."""
+    """Whether each repair ends in case b or d, at the first 0xCC from `SIZE >> shift` or from 0."""
     for ring in overrun_rings(ITEMS):
         cells, no = ring.cells, ring.state.no
         ring.extract()
@@ -266,7 +266,7 @@ numeric("chung1998-061")(lambda *, size=SIZE, items=ITEMS: size / length(reading
 
 @numeric("chung1998-015")
 def abnormal_states(*, empty_is_empty: bool = True) -> int:
-    """Repairs in 100 packets read byte by byte; the printed rule keeps reading an empty ring."""
+    """Repairs as 100 packets are read byte by byte; the printed rule also reads an empty ring."""
     ring = Ring(SIZE, "intended" if empty_is_empty else "printed")
     repairs = 0
     for byte in MarkerFormat(n_numbers=ITEMS).stream(100 * length(reading="A")):
@@ -298,7 +298,7 @@ def ring_trials(system: System | None = None, *, duration: float = 20.0) -> pd.D
     """Return how often the ring is in an abnormal state in the paper's three trials.
 
     BCS writes its EEPROM after 5 s, in the second trial for one press of the Enter key and in the
-    third for ten. The paper does not give the time to write.
+    third for ten. The paper does not give the write time.
     """
     link = System(repeat=10) if system is None else system
     rows = []

@@ -14,7 +14,7 @@ _MOST_CHARACTERS = 10_000
 
 
 class Status(IntFlag):
-    """Bits of the status register for sending: Intel, 8251A data sheet, status read format."""
+    """Transmitter bits of the status register: Intel, 8251A data sheet, status read format."""
 
     TXRDY = 0x01
     TXEMPTY = 0x04
@@ -33,7 +33,7 @@ class Usart:
         self._waiting: tuple[float, int] | None = None
 
     def status(self, time: float) -> Status:
-        """Return the status register at a time [s] that is not before that of the last call."""
+        """Return the status register at `time` [s], which must not decrease from call to call."""
         free = self._shift(time)
         if self._waiting is not None:
             return Status(0)
@@ -63,7 +63,7 @@ class Usart:
 
 
 class Sent(NamedTuple):
-    """The bytes that a loop sent, its writes to the chip, and the bytes that were never sent."""
+    """The bytes that a loop sent, its number of writes, and the number of bytes never sent."""
 
     line: bytes
     writes: int
@@ -71,7 +71,7 @@ class Sent(NamedTuple):
 
 
 def send(usart: Usart, data: bytes, *, printed: bool, poll: float = 20e-6) -> Sent:
-    """Send bytes by the loop as printed, which writes while the chip is not ready, or as intended.
+    """Send bytes with the loop as printed, which writes while TxRDY is 0, or with the intended one.
 
     The printed loop is ``while((inportb(C8251) & 0x01) != 0x01) { outportb(D8251, ch); }``. It
     never writes to an idle chip. On a busy chip it overwrites the waiting byte until it happens to
@@ -90,8 +90,8 @@ def send(usart: Usart, data: bytes, *, printed: bool, poll: float = 20e-6) -> Se
             # The printed loop fills the buffer again each time it reads the status too early.
             if not ready and time - begun > _MOST_CHARACTERS * usart.character_time:
                 raise ArgumentError(
-                    f"poll is {step:g} s: byte {place} is still written again after "
-                    f"{_MOST_CHARACTERS} characters, because TxRDY is never read in time"
+                    f"poll is {step:g} s: byte {place} is still being rewritten after "
+                    f"{_MOST_CHARACTERS} characters, because TxRDY is never set when it is read"
                 )
             time += step
             if ready is not printed:

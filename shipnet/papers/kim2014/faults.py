@@ -38,13 +38,13 @@ numeric("kim2014-024")(lambda: len(rule_base().codes))
 
 @numeric("kim2014-025")
 def flags(*, with_position: bool = True) -> int:
-    """Flags that the rules set, with or without the flag for the position."""
+    """Number of flags that the rules set, with or without the flag for the position."""
     return len({rule.flag for rule in BASE.rules if with_position or rule.flag != _POSITION_FLAG})
 
 
 @numeric("kim2014-036")
 def nested_pairs(*, codes: tuple[str, ...] = BASE.codes) -> int:
-    """Pairs of these rules where one fires whenever the other does."""
+    """Number of pairs of these rules in which one rule fires whenever the other does."""
     pairs = BASE.overlaps()
     nested = pairs[pairs["relation"] != "overlap"]
     return int((nested["a"].isin(codes) & nested["b"].isin(codes)).sum())
@@ -52,7 +52,7 @@ def nested_pairs(*, codes: tuple[str, ...] = BASE.codes) -> int:
 
 @numeric("kim2014-073")
 def distinct_faults(*, equalities: bool = True) -> int:
-    """Faults of the rule table; with `equalities`, rows that repeat another fault do not count."""
+    """Number of faults in the table; if `equalities`, without those printed as equal to another."""
     rows = _TABLE[_TABLE["code"] != "normal"]
     same = rows["diagnosis_printed"].str.contains(r"= Pos\d", regex=True)
     return int((~same).sum()) if equalities else len(rows)
@@ -73,7 +73,7 @@ def silent_pressures(
 
 @numeric("kim2014-100")
 def sensors_with_limit(*, limit: float = 2.5) -> int:
-    """Sensors that the rules compare with this limit."""
+    """Number of sensors that the rules compare with this limit."""
     limits = [[term.crisp for term in variable.terms] for variable in rule_base().variables]
     return sum(any(limit in (one.low, one.high) for one in own) for own in limits)
 
@@ -88,7 +88,7 @@ def infers_by_degrees(*, ramps: bool = False) -> bool:
 
 @check("kim2014-061", counter={"sensors": ("FP", "OP", "MC", "VPos")})
 def has_both_limits(*, sensors: tuple[str, ...] = tuple(c.name for c in CHANNELS)) -> bool:
-    """Whether the rules have an upper limit, and a range below it, for each sensor."""
+    """Whether the rules have, for each sensor, one range above a limit and another below it."""
     for sensor in sensors:
         said = [term.crisp for term in BASE[sensor].terms]
         upper = [one.low for one in said if np.isinf(one.high)]
@@ -102,12 +102,12 @@ def has_both_limits(*, sensors: tuple[str, ...] = tuple(c.name for c in CHANNELS
 #: Positions CLOSE and OPEN of the rule table, on the scale of section 3.2 [%].
 _CLOSE, _OPEN = 0.0, 100.0
 
-#: Position that row 12 prints, below the closed end [%].
+#: Position printed in row 12 [%]; it lies below the closed end.
 _ROW_12 = float(rule_vectors("printed")["VPos"]["Pos4"])
 
-#: Ways to fill the values that a row does not print: those of `rule_vectors`, and "held", in which
-#: such a sensor is absent and a printed position does not move, so DVPos is 0. Row 0 is the
-#: exception: it prints the time of a movement.
+#: Ways to fill in the values that a row does not print: those of `rule_vectors`, and "held", in
+#: which they are absent, except that DVPos is 0 if the row prints a position, as if the valve were
+#: at rest. This does not apply to row 0, which prints the time of a movement.
 READINGS = ("held", *FILLS)
 
 
@@ -120,7 +120,7 @@ def row_inputs(version: str = "printed", reading: str = "held") -> pd.DataFrame:
 
 
 def fired(tests: pd.DataFrame) -> pd.Series:
-    """Return the codes of the rules that fire on each row, as printed."""
+    """Return, for each row, the codes of the rules that fire when applied as printed."""
     return BASE.check(tests, "crisp")["fired"].set_axis(tests.index)
 
 
@@ -130,10 +130,10 @@ def is_right(code: str, codes: str) -> bool:
 
 
 def reading_table() -> pd.DataFrame:
-    """Return how many of the 13 rows are right, as printed and corrected, in every reading.
+    """Return how many of the 13 rows, as printed and as corrected, are right in each reading.
 
-    The columns are criteria: a row's own rule ``fires``, fires by ``fuzzy`` strengths, or ranks
-    first by ``our ranking`` or in ``table order``; ``not`` lists the rows whose rule does not fire.
+    The columns count rows whose own rule ``fires``, fires with ``fuzzy`` ramps, or is the first to
+    fire in ``our ranking`` or in ``table order``; ``not`` lists the rows missing from ``fires``.
     """
     rows = {}
     for version, reading in product(("printed", "corrected"), READINGS):
@@ -162,9 +162,9 @@ def fired_table(version: str = "printed") -> pd.DataFrame:
 
 
 def through_registers(code: str) -> str:
-    """Return the top fault of a corrected row whose readings were sent in registers.
+    """Return the top-ranked fault for a corrected row after its readings are sent in registers.
 
-    Values that are not printed follow from the state that the row describes; speed is not sent.
+    Missing values follow from the state that the row describes; DVPos is used without being sent.
     """
     tests = rule_vectors(fill="physical").loc[[code]]
     names = [channel.name for channel in CHANNELS]
@@ -184,7 +184,7 @@ def through_registers(code: str) -> str:
 @check("kim2014-066", code="Pos3", channel="VPos", value=305.0, counter={"value": 100.0})
 @check("kim2014-067", code="Pos4", channel="VPos", value=-5.0, counter={"value": 5.0})
 def row_is_found(*, code: str, channel: str, value: float, version: str = "printed") -> bool:
-    """Whether a row's own rule fires on its input, with this value of one channel."""
+    """Whether a row's own rule fires on its inputs if one channel has this value."""
     (codes,) = fired(row_inputs(version).loc[[code]].assign(**{channel: value}))
     return is_right(code, codes)
 
@@ -203,7 +203,7 @@ numeric("kim2014-032")(lambda *, end=300.0, below=_ROW_12: end + (_CLOSE - below
 
 @check("kim2014-068", counter={"version": "printed"})
 def all_tests_pass(*, version: str = "corrected") -> bool:
-    """Whether the input of each of the 12 faults fires its own rule, as printed or corrected."""
+    """Whether each of the 12 rules fires on its own row's inputs, as printed or corrected."""
     found = fired(row_inputs(version)).drop(NORMAL)
     return all(is_right(str(code), codes) for code, codes in found.items())
 
@@ -229,7 +229,7 @@ def wear_is_estimated(*, predictor: str = "leak", part: float = 0.5) -> bool:
 def graded_trials(
     codes: Iterable[str] = tuple(FAULTS), *, n_valves: int = 101, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Open and close valves once with each fault, from severity 0 to the worst.
+    """Open and close valves once with each fault, at severities from 0 to 1.
 
     The table is that of `fault_trials`, with a column ``said`` for the diagnosis.
     """
@@ -264,9 +264,9 @@ class Picture(NamedTuple):
 def seen_strokes(
     numbers: Iterable[int] = (5, 64, 247), *, duration: float = 15.0, start: float = 3.0
 ) -> dict[int, Run]:
-    """Return the readings of the last valve, by the master's number of valves, at 9600 bit/s.
+    """Return the readings that masters of these numbers of valves receive from their last valve.
 
-    Its command to open is due at `start` and is sent after the current poll.
+    The bit rate is 9600 bit/s. The command to open, due at `start` [s], follows the current poll.
     """
     runs = {}
     for number in numbers:
@@ -279,9 +279,9 @@ def seen_strokes(
 def age_table(
     commands: Iterable[int] = (0, 10, 100), *, n_valves: int = 247, duration: float = 50.0
 ) -> pd.DataFrame:
-    """Return the greatest age of the data when commands are sent between the polls.
+    """Return the greatest age of the data by the number of commands sent between the polls.
 
-    ``formula_s`` is `System.worst_age`, ``simulated_s`` the greatest age seen at 9600 bit/s.
+    ``formula_s`` is from `System.worst_age`, ``simulated_s`` from a run, both at 9600 bit/s.
     """
     system = System(n_valves, status_poll(9600))
     rows = {}
@@ -299,7 +299,7 @@ def age_table(
 def broken_loops(
     n_valves: int = 247, *, opened: int = 100, start: float = 12.0, duration: float = 60.0
 ) -> dict[str, Picture]:
-    """Break a loop at 9600 bit/s in the middle while valves open, for four kinds of master."""
+    """Open valves on a 9600 bit/s loop, unbroken or, with four kinds of master, broken midway."""
     orders = [Command("open", 3.0, valves=range(1, opened + 1))]
     unbroken: list[Break] = []
     cases = {"no break": (System(n_valves, status_poll(9600)), unbroken)}
@@ -315,7 +315,7 @@ def broken_loops(
 
 
 def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
-    """Return, per picture, the oldest position, the unanswered requests and the wrong valves."""
+    """Return the greatest age and counts of unanswered requests and wrong valves per picture."""
     rows = {
         name: {
             "oldest_s": picture.seen.oldest,

@@ -53,7 +53,7 @@ def _verdict(number: int) -> str:
 
 @numeric("kim2014-001", "kim2014-002")
 def slaves_of_a_master(*, bits: int = 8) -> int:
-    """Slaves that one master can address with an id of this many bits."""
+    """Number of slaves that one master can address with an id of this many bits."""
     read = Request.read_input_registers(0, 1).pdu
     return sum(is_legal(rtu_frame, unit, read) for unit in range(1, 2**bits))
 
@@ -63,17 +63,17 @@ numeric("kim2014-047")(lambda *, bits=8: slaves_of_a_master(bits=bits) + 1)
 
 @numeric("kim2014-003")
 def selectable_ids(*, positions: int = 10, pins: int = 2) -> int:
-    """Byte values that two dials and the DIP pins, which set the hundreds, can select."""
+    """Number of byte values that two dials and DIP pins, which set the hundreds, can select."""
     settings = product(range(2**pins), range(positions), range(positions))
     return len({100 * pin + 10 * tens + units for pin, tens, units in settings} & {*range(256)})
 
 
 # Sections 2.1, 3.2 and 3.3: the serial line, its closed loop, and scan times.
 
-#: Common rates within the limits that sections 3.2 and 3.3 print [bit/s].
+#: Common bit rates within the limits that sections 3.2 and 3.3 print [bit/s].
 RATES = scan.BIT_RATES
 
-#: What a master moves to its other port when a slave does not answer.
+#: What a master moves to its other port when a slave does not respond.
 MOVES: tuple[Literal["slave", "downstream"], ...] = ("slave", "downstream")
 
 
@@ -108,7 +108,7 @@ def every_slave_has_two_ways(*, dead: Literal["A", "B", ""] = "", slaves: int = 
 
 @check("kim2014-051", counter={"at_end": False})
 def sensors_are_seen_before_the_reply(*, at_end: bool = True, movement: float = 10.0) -> bool:
-    """Whether a moving valve is polled if it responds at the end, or the start, of the movement."""
+    """Whether a valve is polled as it moves; it responds to a command on arrival or at once."""
     table = answer_table(SerialLine(9600), 5, movement, timeout=2 * movement)
     row = table.loc["at the end" if at_end else "at the start"]
     return bool(row["answered"] and row["polls_while_moving"] > 0)
@@ -180,7 +180,7 @@ def identifier_zero_is_enough(*, late: float = 0.0) -> bool:
 
 @check("kim2014-057", counter={"widths": (2, 2, 1, 2)})
 def header_has_these_fields(*, widths: tuple[int, ...] = (2, 2, 2, 1)) -> bool:
-    """Whether the header fields (identifier, 0, length of the rest, unit id) have these widths."""
+    """Whether the fields identifier, 0, length of the rest and unit id have these widths [byte]."""
     identifier, unit = 0x1501, 17
     request = Request.read_input_registers(0x4020, 4)
     pdu, adu = request.pdu, request.tcp(unit, identifier)
@@ -191,14 +191,14 @@ def header_has_these_fields(*, widths: tuple[int, ...] = (2, 2, 2, 1)) -> bool:
 
 @check("kim2014-084", counter={"header": 6})
 def same_pdu_on_both(*, header: int = 7) -> bool:
-    """Whether a message has the same PDU over TCP, after a header of this many bytes."""
+    """Whether, after a header of this many bytes, a TCP message has the same PDU as in RTU."""
     messages = [Request.read_input_registers(0x4020, 4), Request.write_single_register(0x4001, 8)]
     return all(m.tcp(17, 0x1501)[header:] == m.rtu(17)[1:-2] for m in messages)
 
 
 @check("kim2014-102", counter={"bit_rate": 50e3})
 def carries_more(*, bit_rate: float = 10e6, registers: int = 125) -> bool:
-    """Whether a full response is faster over Ethernet at this rate than at 115200 bit/s.
+    """Whether a response is faster on Ethernet at this rate than on a serial line at 115200 bit/s.
 
     The Ethernet frame adds 18 bytes, IP and TCP 20 each, preamble and gap another 20.
     """

@@ -1,4 +1,4 @@
-"""Figures of kim2014, drawn from its text: no printed figure was available; the layout is ours."""
+"""Figures of kim2014 in our layout, drawn from its text because no printed one was available."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ diagrams("kim2014", "Fig 7", "Fig 9")
 
 @drawing("kim2014", "Fig 1")
 def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
-    """Draw central hydraulics with pipes to every valve beside valves with their own pumps."""
+    """Draw central hydraulics piped to every valve and, next to it, valves with their own pumps."""
     places, low, aside = np.linspace(-0.8, 2.8, n_valves), 0.35, 5.2
     for number, x in enumerate([*places, *(places + aside)]):
         _valve(ax, (x, low), "" if number < n_valves else "motor, pump,\ncontroller")
@@ -96,7 +96,7 @@ def _rtu_frame(*, frame: bytes = _QUERY.rtu(1), serial: SerialLine = _LINE, ax: 
 
 @drawing("kim2014", "Fig 5", "Fig 6")
 def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
-    """Draw a Modbus TCP frame, its header and PDU above its fields."""
+    """Draw a Modbus TCP frame: header and PDU above, and the individual fields below."""
     pdu = decode(frame, "tcp").pdu
     general = [
         ("MBAP header, 7 bytes", "address", frame[:7].hex(" ")),
@@ -150,7 +150,7 @@ def _testbed(*, ax: Axes) -> Axes:
 
 
 def _valve(ax: Axes, place: tuple[float, float], drive: str) -> None:
-    """Draw the two triangles of a valve, with its own drive, if any, above them."""
+    """Draw the two triangles of a valve and, above them, its own drive or a small box."""
     x, y = place
     for side in (-1, 1):
         ax.fill(
@@ -168,7 +168,7 @@ _MARKS = ".o^sD"
 
 
 def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
-    """Draw a valve's position, and those received by masters of different numbers of valves."""
+    """Draw a valve's position, and what masters with different numbers of valves receive of it."""
     ax.plot(
         true.time, true.samples["VPos"][:, 0], color="0.6", linewidth=1, label="the valve itself"
     )

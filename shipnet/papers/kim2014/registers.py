@@ -45,7 +45,7 @@ _ZERO = ("0.0.0.0", "Position 0-100%", "see bits")
 
 
 def printed_adu(message: str) -> bytes:
-    """Return a message with the printed bytes."""
+    """Return the bytes of a message as printed."""
     access, kind = message.split()
     rows, adu = _TABLES[access], b""
     for row in rows[rows["message"] == kind].to_dict("records"):
@@ -65,9 +65,9 @@ STANDARD = {
 
 
 def message_table() -> pd.DataFrame:
-    """Return each printed message, the standard's, and how a decoder reads the printed one.
+    """Return each message as printed and according to the standard.
 
-    The lengths are those in the MBAP header.
+    The lengths are those in the MBAP header; ``decoder`` is ``ok`` or the error in the printed one.
     """
     rows = []
     for message in STANDARD:
@@ -116,7 +116,7 @@ def _answer(registers: int) -> Response:
 
 @numeric("kim2014-006")
 def crc_bits(*, address: int = 1) -> int:
-    """Bits of an RTU frame other than its PDU and an address of this many bytes."""
+    """Number of bits of an RTU frame besides its PDU and an address of this many bytes."""
     pdu = Request(_READ, FIRST_REGISTER, N_REGISTERS).pdu
     return 8 * (len(rtu_frame(1, pdu)) - len(pdu) - address)
 
@@ -133,14 +133,14 @@ numeric("kim2014-010")(lambda *, longest_pdu=MAX_PDU: (longest_pdu - len(_answer
 
 @numeric("kim2014-086")
 def least_registers(*, data: int = 2) -> int:
-    """Fewest registers of a legal query for at least this many data bytes."""
+    """Fewest registers in a legal query whose response has at least this many data bytes."""
     legal = (n for n in range(126) if is_legal(Request, _READ, FIRST_REGISTER, n))
     return next(n for n in legal if len(_answer(n).pdu) >= 2 + data)
 
 
 @check("kim2014-011", counter={"message": "query"})
 def names_a_register(*, message: str = "response") -> bool:
-    """Whether a message's data change with the address of the register."""
+    """Whether a message differs between two registers that contain the same value."""
     slave = Slave(input_registers=[0] * 4)
     said = []
     for address in (1, 2):
@@ -153,7 +153,7 @@ def names_a_register(*, message: str = "response") -> bool:
 @numeric("kim2014-017", messages=("write error",))
 @numeric("kim2014-019", messages=("read query",))
 def length_field(*, messages: tuple[str, ...]) -> int:
-    """Bytes of unit id and PDU of these messages, which have the same length."""
+    """Number of bytes of unit id and PDU in each of these messages, which are equally long."""
     (length,) = {1 + len(decode(STANDARD[message], "tcp").pdu) for message in messages}
     return length
 
@@ -182,7 +182,7 @@ check("kim2014-083", counter={"read": 3})(
 
 @check("kim2014-058", counter={"first": 1})
 def labels_are_offsets(*, first: int = 0) -> bool:
-    """Whether the labels 5 to 11 are the offsets of the fields' last bytes, from `first`."""
+    """Whether labels 5 to 11 are the offsets of the fields' last bytes, counted from `first`."""
     for table in _TABLES.values():
         for _, fields in table.groupby("message"):
             last = np.cumsum(fields["length_byte"].astype(int)) - 1 + first
@@ -234,11 +234,11 @@ def answer_table(
     ]
     for wait in (timeout, patient):
         write = replace(write, timeout=wait)
-        # Time from the end of the first try to the end of the response, and the tries until then.
+        # Time from the end of the first request to the end of the response, and number of tries.
         late = write.shortest_timeout + moving
         tries = 1 + max(ceil((late - wait) / write.unanswered_time), 0)
         answered = tries <= retries + 1
-        # The response cuts the last wait short.
+        # The response ends the last wait before its time-out.
         cost = write.time + moving if answered else write.timeout_time
         polls = max(ceil((moving - cost) / scan), 0)
         rows.append((wait, cost, min(tries, retries + 1), answered, scan + cost, polls))
@@ -253,7 +253,7 @@ _VPOS = [channel.name for channel in CHANNELS].index("VPos")
 
 
 def _status(readings: list[list[float]], **flags: bool) -> tuple[int, bool]:
-    """Return register 0x4020 as in Table 2, and whether the position is too large for it."""
+    """Return register 0x4020 as in Table 2, and whether the position is out of range."""
     packed = RegisterMap(status="table 2").encode(readings, **flags)
     return int(packed.registers[0, 0]), bool(packed.saturated[0, _VPOS])
 
@@ -279,7 +279,7 @@ def position_fits(*, highest: float = 100.0) -> bool:
 
 @check("kim2014-055", counter={"commands": ("Position Close", "Position Open")})
 def status_is_the_command(*, commands: tuple[str, ...] = tuple(c.value for c in Code)) -> bool:
-    """Whether the status of Table 2, after a command is executed, equals the command's value."""
+    """Whether, after each command is executed, the status of Table 2 equals the value written."""
     where = {"Close": 0.0, "Open": 100.0, "Position Close": 40.0, "Position Open": 40.0}
     for name in commands:
         code, position = Code(name), where.get(name, 0.0)
@@ -303,7 +303,7 @@ def status_bits_agree(*, other: str = "table 3") -> bool:
 
 @numeric("kim2014-078")
 def converter_step(*, bits: int = 12, span: float = 100.0) -> float:
-    """Step of the converter, as a percentage of the position."""
+    """Step of a converter with this many bits for positions 0..`span`, both in percent."""
     scale = Sensors()
     high = (*scale.high[:_VPOS], span)
     return float(Sensors((0.0,) * len(CHANNELS), high, bits=bits).step[_VPOS])
@@ -328,7 +328,7 @@ def code_table() -> pd.DataFrame:
 def survival_table() -> pd.DataFrame:
     """Return how the values of the paper's fault tests arrive at the master.
 
-    A value ``survives`` if its error is up to half a step. Positions are as printed and corrected.
+    A value ``survives`` if its error is at most half a step; positions include the corrected ones.
     """
     rows = []
     for rule in datasets.read("kim2014_rule_table.csv").to_dict("records"):

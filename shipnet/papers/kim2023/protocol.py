@@ -46,7 +46,7 @@ numeric("kim2023-008", "icn2007-022")(lambda: len(Response(0x6).bits) - len(fram
 
 
 def read_in_place(bits: str) -> Request:
-    """Decode a request whose parity or end bit is wrong, as in the example."""
+    """Decode a request without checking its parity bit, which is wrong in the example."""
     return Request.parse(frame(bits[1:-2]))
 
 
@@ -56,7 +56,7 @@ numeric("kim2023-039", "icn2007-042")(lambda *, bits=EXAMPLE_RESPONSE: Response.
 
 
 def even_ones(bits: str, *, end_bit: bool = False) -> bool:
-    """Return whether a telegram has an even number of ones, with the end bit or without."""
+    """Return whether the number of ones in a telegram is even; `end_bit` includes the end bit."""
     return (bits if end_bit else bits[:-1]).count("1") % 2 == 0
 
 
@@ -71,7 +71,7 @@ check("kim2023-081", counter={"frames": (EXAMPLE_REQUEST,)})(
 
 @check("kim2023-082", counter={"request": Request.data_exchange(21, 0xE).bits})
 def one_rule_for_both(*, request: str = EXAMPLE_REQUEST, response: str = EXAMPLE_RESPONSE) -> bool:
-    """Whether one parity rule accepts both example telegrams."""
+    """Whether both example telegrams obey one parity rule, with the end bit or without it."""
     return any(
         even_ones(request, end_bit=rule) and even_ones(response, end_bit=rule)
         for rule in (False, True)
@@ -93,13 +93,13 @@ def start_0_end_1(*, start: str = "0", end: str = "1") -> bool:
 def control_bit_0(
     *, calls: tuple[Call, ...] = (Call.DATA_EXCHANGE, Call.WRITE_PARAMETER, Call.ASSIGN_ADDRESS)
 ) -> bool:
-    """Whether these requests, and no others, have the control bit 0."""
+    """Whether the control bit is 0 in these requests and in no others."""
     return set(calls) == {call for call in Call if call.rule.layout(False)[0] == "0"}
 
 
 @check("kim2023-042", counter={"half": "B"})
 def masters_before_2_1(*, half: Half | None = None) -> bool:
-    """Whether a control request sends 0 in place of S, and 1 in place of its inverse."""
+    """Whether commands to this half (None: a standard slave) send S as 0 and its inverse as 1."""
     sent = {"s": "0", "S": "1"}
     for call in Call:
         layout = call.rule.pattern
@@ -111,7 +111,7 @@ def masters_before_2_1(*, half: Half | None = None) -> bool:
 
 @check("kim2023-043", counter={"half": "B"})
 def a_slave_like_standard(*, half: Half = "A") -> bool:
-    """Whether an A or B slave gets the same requests as a standard slave with data bit 3 = 1."""
+    """Whether requests to this half equal requests with data bit 3 = 1 to a standard slave."""
     for call in Call:
         if "s" in call.rule.layout(extended=True).lower():
             standard = Request(call, 21, 8 if call.rule.extended else 0)
@@ -138,7 +138,7 @@ check("kim2023-048", counter={"call": "DATA_EXCHANGE"})(
 
 @check("kim2023-049", counter={"expected": "01111111010101"})
 def broadcast_bits(*, expected: str = DATASHEET_FRAMES[0]) -> bool:
-    """Whether Table 5's broadcast, with its parity, is the frame that a data sheet prints."""
+    """Whether Table 5's broadcast, with computed parity, equals the frame in a data sheet."""
     row = printed("Table 5").loc[["BROADCAST_RESET"]].to_numpy().ravel().tolist()
     return frame("".join(row[1:-2])) == expected
 
@@ -188,13 +188,13 @@ def _captions() -> dict[str, str]:
 
 
 def requests() -> pd.DataFrame:
-    """Return the bits of every request below a row of column names."""
+    """Return the bits of every request; the first row repeats the column names."""
     requests = Request.table()
     header = pd.DataFrame([requests.columns], index=["HEADER"], columns=requests.columns)
     return pd.concat([header, requests]).rename_axis("call")
 
 
-#: The transcription of each table, and the function that generates it.
+#: The file that transcribes each table, and the function that generates the table.
 _TABLES: Mapping[str, tuple[str, Callable[[], pd.DataFrame]]] = {
     "Table 4": ("kim2023_table4_request_fields.csv", lambda: Request.fields().astype(str)),
     "Table 5": ("kim2023_table5_requests.csv", requests),
@@ -204,7 +204,7 @@ _TABLES: Mapping[str, tuple[str, Callable[[], pd.DataFrame]]] = {
 
 
 def printed(item: str) -> pd.DataFrame:
-    """Return a table as printed, as text indexed by its first column."""
+    """Return the cells of a printed table as text, indexed by its first column."""
     rows = datasets.read(_TABLES[check_choice("item", item, _TABLES)][0])
     return rows.set_index(rows.columns[0]).drop(columns="name_printed", errors="ignore")
 
@@ -241,7 +241,7 @@ def differences(item: str) -> pd.DataFrame:
 @numeric("kim2023-001", "icn2007-010", halves=("A", "B"))
 @numeric("icn2007-036", halves=(None,))
 def slaves_per_master(*, halves: tuple[Half | None, ...]) -> int:
-    """Number of addresses, or of A and B halves of them, that a data request can have."""
+    """Number of slaves that data requests can address, one per address and half."""
     return sum(
         is_legal(Request, Call.DATA_EXCHANGE, address, 0, half)
         for address in range(256)
@@ -276,7 +276,7 @@ def strands_left(*, slaves: int, inputs: int, lines: int) -> float:
 
 @numeric("kim2023-005")
 def reach(*, repeaters: int = 2) -> float:
-    """Distance to the farthest slave, beyond repeaters in series, if all rules are met [m]."""
+    """Distance to the farthest slave with repeaters in series [m]; NaN unless all rules are met."""
     longest = float(rule_limits()["high"]["cable_length"])
     ends = [f"{k}" for k in range(repeaters + 1)]
     plan = Plan(
@@ -350,7 +350,7 @@ def _index_table(*, ax: Axes) -> Axes:
 
 @check("kim2023-091", counter={"target": "3"})
 def moves(*, target: str = "9") -> bool:
-    """Whether a slave in operation gets another address and answers at it."""
+    """Whether a slave in operation can be given this address, and then responds at it."""
     slaves = [Slave(label) for label in "123"]
     run = simulate(slaves, until=0.3, commands=[(0.05, ChangeAddress("2", target))])
     calls = run.events().query("slave in ['0', '2']")["call"].tolist()
@@ -363,7 +363,7 @@ def moves(*, target: str = "9") -> bool:
 
 @check("kim2023-097", counter={"labels": ("1A", "1A")})
 def codes_tell_apart(*, labels: tuple[str, str] = ("1A", "1B")) -> bool:
-    """Whether two slaves of the same kind and address number have different ID codes 1."""
+    """Whether the master reads different ID codes 1 from two slaves with these labels."""
     slaves = [Slave(label, id1=k) for label, k in zip(labels, (1, 2), strict=True)]
     asked = [(0.05, ReadCodes(label)) for label in sorted(set(labels))]
     run = simulate(slaves, until=0.2, commands=asked)
@@ -382,7 +382,7 @@ def outputs_are_reset(*, silence: float = 0.06) -> bool:
 
 @check("kim2023-100", counter={"call": Call.DELETE_ADDRESS})
 def reset_is_acknowledged(*, call: Call = Call.RESET) -> bool:
-    """Whether a slave answers this call with 6 and keeps its address."""
+    """Whether a slave responds to this call with 6 and keeps its address."""
     slave = Slave("21")
     asked = slave.listen(["", Request(call, 21).bits, "", Request(Call.READ_ID, 21).bits])["answer"]
     return ": 6" in asked.iloc[1] and asked.iloc[3] != "silence"
@@ -392,8 +392,8 @@ def reset_is_acknowledged(*, call: Call = Call.RESET) -> bool:
 
 _PUBLISHED = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]
 
-#: Delays between request and response that a chip maker prints [s]: minimum and maximum when
-#: synchronous, then when asynchronous.
+#: Edge-to-edge delays between request and response, printed by a chip maker [s]: minimum and
+#: maximum of a synchronous slave, then of an asynchronous one.
 CHIP_EDGES = tuple(
     1e-6 * float(_PUBLISHED[f"edge to edge, {state}, {end}"])
     for state in ("synchronous", "asynchronous")
@@ -404,7 +404,7 @@ CHIP_EDGES = tuple(
 @numeric("kim2023-020", unit=1e-6)
 @numeric("icn2007-005", unit=1e-3)
 def bit_time(*, unit: float) -> float:
-    """Duration of a bit in multiples of `unit` [s]."""
+    """Duration of a bit as a multiple of `unit`, which is in seconds."""
     return Transaction().bit_time / unit
 
 
@@ -413,13 +413,13 @@ numeric("kim2023-022")(lambda: 1e6 * Transaction().bit_time / 2)
 
 
 def master_pause_of_chip(*, edge: float) -> float:
-    """Pause between request and response [bit], from a chip's delay between two edges."""
+    """Pause between request and response [bit], from a chip's edge-to-edge delay [s]."""
     return edge / BIT_TIME - 1
 
 
 @check("kim2023-028", "icn2007-014", counter={"edges": (10e-6, 33.5e-6)})
 def master_pause_in_range(*, edges: tuple[float, ...] = CHIP_EDGES) -> bool:
-    """Whether the printed limits and a chip's delays are legal pauses of a transaction."""
+    """Whether the printed limits, and pauses computed from a chip's delays [s], are legal."""
     pauses = [2.0, 10.0, *(master_pause_of_chip(edge=edge) for edge in edges)]
     return all(is_legal(Transaction, pause) for pause in pauses)
 
@@ -432,7 +432,7 @@ check("kim2023-030", "icn2007-016", counter={"pause": 84.0})(
 @numeric("kim2023-031", master_pause=2, slave_pause=1.5)
 @numeric("kim2023-032", "icn2007-030", master_pause=3, slave_pause=2)
 def transaction(*, master_pause: float, slave_pause: float) -> float:
-    """Bit times of a transaction with the shortest printed pauses, or in the vendors' 156 us."""
+    """Duration of a transaction with these pauses; all are in bit times."""
     return Transaction(master_pause, slave_pause).bits
 
 
@@ -448,13 +448,13 @@ def update_time(*, slaves: int) -> float:
 
 # Section 3.3: messages of more than four bits, and the processes that change too fast for them.
 
-#: Samples per period of a control loop's bandwidth; 10 to 30 are usual: K. J. Astrom,
+#: Ratio of sampling rate to a control loop's bandwidth; 10 to 30 is usual: K. J. Astrom,
 #: B. Wittenmark, "Computer-Controlled Systems", 3rd ed., 1997, section 2.9.
 SAMPLES = 20.0
 
 
 def least_cycles(bits: int, *, bits_per_cycle: int = 4) -> int:
-    """Return how many cycles a message takes if it uses every bit of each cycle."""
+    """Return the smallest number of cycles that can carry a message of this many bits."""
     return -(-bits // bits_per_cycle)
 
 
@@ -465,6 +465,6 @@ check("kim2023-009", counter={"bits": 4})(
 
 @check("kim2023-090", counter={"loop": 0.1})
 def too_slow_for_loops(*, process: float = 1 / 60, loop: float = 10.0) -> bool:
-    """Whether 16-bit values can serve a `process` but not the `loop` of a drive, both in Hz."""
+    """Whether 16-bit values are fast enough for a `process` but not for a drive's `loop` [Hz]."""
     fastest = 1 / (SAMPLES * exchanges("S-7.3") * float(Cycle(31).time))
     return bool(process < fastest < loop)

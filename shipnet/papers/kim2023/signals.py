@@ -22,7 +22,7 @@ from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import CableRun
 from shipnet.papers.registry import check, numeric
 
-# Section 3.4, Table 3, Figs 3 and 4: levels, pulses and the effect of a slave's place.
+# Section 3.4, Table 3, Figs 3 and 4: levels, pulses and the effect of a slave's position.
 
 
 @check("kim2023-025", "icn2007-049", counter={"near": 100.0, "far": 5.0})
@@ -80,9 +80,9 @@ def train_of(heights: npt.ArrayLike) -> Floats:
 
 @check("kim2023-023", counter={"difference": 0.65})
 def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
-    """Whether every response is read if its pulses differ by this fraction of the largest.
+    """Whether every response is read if pulse heights differ by this fraction of the largest.
 
-    The first pulse, largest or smallest, sets the threshold to 45 % or 55 % of its own height.
+    The threshold is 45 % or 55 % of the first pulse, which is either the largest or the smallest.
     """
     sent = Modulation(RESPONSES).bits
     low = np.full((2, 14), 1 - difference)
@@ -96,7 +96,7 @@ def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
 def copes_with_overshoot(*, overshoot: float = 0.3) -> bool:
     """Whether every response is read if ringing reaches this fraction of the largest pulse.
 
-    Each slot without a pulse has ringing. The first pulse, 65 % of the largest, sets the threshold.
+    The first pulse, 65 % of the largest, sets the threshold. Every empty slot after it has ringing.
     """
     sent = Modulation(RESPONSES).bits
     pulses = np.pad(Modulation(sent).pulses.signs, ((0, 0), (0, 2))).astype(float)
@@ -118,7 +118,7 @@ def copes_with_open_end(*, length: float = 100.0) -> bool:
 
 @check("kim2023-095", "icn2007-053", counter={"part": "inductor"})
 def works_without(*, part: str = "conductor") -> bool:
-    """Whether the master still reads a slave without its inductor, or without its wire."""
+    """Whether the master can read a slave that lacks its inductor or its conductor."""
     plan = line(100)
     lost = Cable(r=1e12, l=1e-6, c=1e-15)
     stub = CableRun("100 m", "slave", 1, lost if part == "conductor" else CABLES["as-i 1.5"])
@@ -128,7 +128,7 @@ def works_without(*, part: str = "conductor") -> bool:
     return bool((wired.waveform().receive().error == 0).all())
 
 
-# Section 3.4: the cost of error detection elsewhere, and what the pulses of AS-i detect.
+# Section 3.4: the cost of error detection by check bits, and the errors that AS-i detects.
 
 
 @numeric("kim2023-057", "icn2007-023", bits=1 + 5 + 5)
@@ -161,10 +161,10 @@ def error_classes(*, faults: int = 3) -> int:
 
 
 def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
-    """Return how many errors in this many slots leave a telegram valid, and how many there are.
+    """Return how many errors in this many slots leave a telegram valid, and how many exist in all.
 
-    Each slot changes to one of its two other values, in each of the 16 responses (15 slots from the
-    start pulse) or 2048 `requests` (29 slots).
+    Each wrong slot has one of its two other values. The errors are counted in all 16 responses (15
+    slots from the start pulse) or all 2048 `requests` (29 slots).
     """
     size = 11 if requests else 4
     words = Modulation([frame(f"{data:0{size}b}") for data in range(2**size)]).pulses.signs
@@ -185,7 +185,7 @@ check("kim2023-061", counter={"faults": 4})(lambda *, faults=1: undetected(fault
 def supply_decides(
     *, supplies: tuple[float, float] = (30.0, 230.0), deviations: tuple[float, float] = (0.6, 0.6)
 ) -> bool:
-    """Whether the supply's voltage changes the number of telegrams that noise destroys."""
+    """Whether the supply voltage changes the number of telegrams that noise destroys."""
     near, receiver = line(100, slaves=(5,)).waveform(), RECEIVERS["noise-proof"]
     lost = []
     for supply, deviation in zip(supplies, deviations, strict=True):

@@ -53,7 +53,7 @@ def read(registers: int, start: int = 0) -> Request:
 
 
 def answer(registers: int) -> Response:
-    """Return a response with this many registers that are 0."""
+    """Return a response with this many registers, all of them 0."""
     return Response(_FC03, registers=(0,) * registers)
 
 
@@ -154,7 +154,7 @@ def reads_holding_registers(*, code: int = int(_PRINTED["function_code"])) -> bo
 
 @check("lee2012-031", counter={"exceptions": True})
 def data_of_two_bytes(*, exceptions: bool = False) -> bool:
-    """Whether at least two bytes follow each function code, with `exceptions` or without."""
+    """Whether two or more bytes follow the function code; `exceptions` adds exception responses."""
     pdus = [read(1).pdu, answer(1).pdu]
     if exceptions:
         pdus.append(Response(_FC03, exception=ExceptionCode.ILLEGAL_DATA_ADDRESS).pdu)
@@ -180,7 +180,7 @@ def joins_frames(*, gap: float = 3.0) -> bool:
 
 @check("lee2012-004", counter={"others": (0b11000000000000101,)})
 def crc_finds(*, others: tuple[int, ...] = ()) -> bool:
-    """Whether the CRC detects all one-bit and two-bit errors of a request, and `others`."""
+    """Whether the CRC detects all one- and two-bit errors of a request, and the `others`."""
     frame = read(POINTS).rtu(JB1)
     bits = [1 << place for place in range(8 * len(frame))]
     patterns = [*bits, *(a | b for a, b in combinations(bits, 2)), *map(_as_sent, others)]
@@ -189,7 +189,7 @@ def crc_finds(*, others: tuple[int, ...] = ()) -> bool:
 
 
 def _as_sent(pattern: int) -> int:
-    """Return a polynomial in the order of the line, highest power first."""
+    """Return a polynomial with its bits in the order of transmission, highest power first."""
     return int(f"{pattern:b}"[::-1], 2)
 
 
@@ -266,7 +266,7 @@ def asks_and_sends_again(*, timeout: float = System().timeout) -> bool:
 
 @check("lee2012-041", counter={"ohm": None})
 def terminators_suit_the_line(*, ohm: float | None = 120.0) -> bool:
-    """Whether three boxes on 60 m read all bits of JB1 with these terminators."""
+    """Whether three boxes on 60 m read JB1's bits correctly with these terminators, or none."""
     bits = Frame(CanLayout(read_points()).messages()[0].arbitration_id, bytes(8)).bits[:14]
     return not Segment(60, nodes=3, terminator=ohm).send({1: bits}, 125e3).wrong
 

@@ -75,7 +75,7 @@ def cylinders(*, power_class: float = 13000.0, pressure: float = PRESSURE) -> fl
 def unit_is_known(
     *, printed: str = _TABLE_1["unit_printed"]["lubricating_oil_consumption"]
 ) -> bool:
-    """Whether the unit consists of kg, h and cylinders."""
+    """Whether the unit contains no symbols other than kg, h and cyl."""
     return set(re.findall("[a-z]+", printed)) <= {"kg", "h", "cyl"}
 
 
@@ -99,7 +99,7 @@ _DOUBLE_ROW = "2"
 def printed_points(*, double_row: bool = True) -> PointList:
     """Return the 99 points of Table 3, or 89 without its possible duplicate row.
 
-    The current loops are kept, because in section IV.1.b they measure the exhaust gas temperature.
+    The next row is kept: its current loops measure the exhaust gas temperature in section IV.1.b.
     """
     rows = datasets.read("synthetic_iolist_engine.csv")["printed_row"].astype(str)
     points = zip(read_points(), rows, strict=True)
@@ -111,7 +111,7 @@ def printed_points(*, double_row: bool = True) -> PointList:
 @numeric("lee2012-015", column="jb", value="JB3")
 @numeric("lee2012-018", column="condition", value="S/W")
 def listed_points(*, column: str, value: str) -> int:
-    """Points that Table 3 lists for a box, or as switches."""
+    """Number of points in the rows of Table 3 that have this value in this column."""
     return int(TABLE_3.loc[TABLE_3[column] == value, "quantity_points"].sum())
 
 
@@ -126,7 +126,7 @@ def analogue_points(*, double_row: bool = True) -> int:
 
 @numeric("lee2012-012")
 def junction_boxes(*, with_current_loops: bool = False) -> int:
-    """Junction boxes of Table 3, or those with 4-20 mA inputs."""
+    """Number of junction boxes in Table 3: all of them, or only those with 4-20 mA inputs."""
     boxes = read_points().by_box().values()
     return sum(
         any(p.condition == CONDITIONS[1] for p in own) or not with_current_loops for own in boxes
@@ -135,14 +135,14 @@ def junction_boxes(*, with_current_loops: bool = False) -> int:
 
 @numeric("lee2012-086")
 def modes(*, boxes: tuple[str, ...] = ("JB1", "JB2", "JB3")) -> int:
-    """Different sets of inputs; the common box needs a mode for each."""
+    """Number of different input sets of these boxes; a common box design needs a mode for each."""
     own = read_points().by_box()
     return len({tuple((p.condition, p.low, p.high) for p in own[box]) for box in boxes})
 
 
 @numeric("lee2012-087")
 def converter_kinds(*, analogue_only: bool = False) -> int:
-    """Kinds of signal; a box needs a converter for each."""
+    """Number of kinds of signal, each of which needs its own kind of converter."""
     return len({p.condition for p in read_points() if p.analogue or not analogue_only})
 
 

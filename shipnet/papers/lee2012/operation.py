@@ -41,7 +41,7 @@ numeric("lee2012-101")(
 
 @check("lee2012-045", counter={"stale_limit": 0.5})
 def marked_after_four_seconds(*, stale_limit: float = 4.0) -> bool:
-    """Whether all points of a dead box are marked at the AMS 4 s after its last message."""
+    """Whether the AMS reports all points of a dead box as marked about 4 s after the box dies."""
     start, printed = 10.0, System()
     run = simulate(System(stale_limit=stale_limit), faults=DeadBox("JB2", start=start), until=20)
     after = run.alarms().query("kind == '0xFF'")["time_s"] - start
@@ -54,7 +54,7 @@ numeric("lee2012-099")(lambda: System().staleness_flag().after)
 
 @check("lee2012-046", counter={"dead": "JB1"})
 def ams_sees_the_mark(*, dead: str = "JB2") -> bool:
-    """Whether the AMS reports the 0xFF of all points of the dead box JB2 as errors."""
+    """Whether, if box `dead` dies, the AMS reports 0xFF for all points of JB2 and no others."""
     run = simulate(System(), faults=DeadBox(dead, start=10.0), until=20)
     marked = set(run.alarms().query("kind == '0xFF'")["source"])
     return marked == {point.tag for point in read_points().by_box()["JB2"]}
@@ -62,7 +62,7 @@ def ams_sees_the_mark(*, dead: str = "JB2") -> bool:
 
 @check("lee2012-054", counter={"limit": 2.0})
 def shown_within(*, limit: float = 1.0, update_period: float = 0.0) -> bool:
-    """Whether a changed input reaches the AMS within this time [s] with no wait between rounds."""
+    """Whether a changed input reaches the AMS within this time [s] if box loops never pause."""
     return bool((System(update_period=update_period).worst_age()["worst_s"] <= limit).all())
 
 
@@ -81,7 +81,7 @@ def switches_in_time(*, timeout: float = System().timeout) -> bool:
 
 @check("lee2012-061", counter={"polled": "one"})
 def survives_any_cut(*, polled: Literal["one", "both"] = "both") -> bool:
-    """Whether all points stay reachable with any single CAN or Modbus cable cut."""
+    """Whether all points stay reachable if any single CAN or Modbus cable is cut."""
     system = System.corrected(polled=polled)
     breaks = [CanBreak(where, start=10.0) for where in system.segments]
     channels = [ModbusBreak(channel, start=10.0) for channel in ("1", "2")]
@@ -91,7 +91,7 @@ def survives_any_cut(*, polled: Literal["one", "both"] = "both") -> bool:
 
 @check("lee2012-094", counter={"also": "JB2-JB3"})
 def reads_all_through_channel_2(*, also: str = "") -> bool:
-    """Whether the AMS changes to channel 2 after channel 1 is cut, and reads all points."""
+    """Whether the AMS changes to channel 2 after channel 1 is cut, and still reads all points."""
     more = [CanBreak(also, start=10.0)] if also else []
     run = simulate(System(), faults=[ModbusBreak("1", start=10.0), *more], until=25)
     changed = bool((run.requests().query("time_s > 12")["channel"] == 2).all())
@@ -114,7 +114,7 @@ def healthy_boxes_are_not_marked(*, update_period: float = System().update_perio
 
 @numeric("lee2012-047")
 def interrupts(*, silent_box: bool = True) -> int:
-    """Kinds of interrupt in the loop of JB1, with or without a silent box."""
+    """Number of kinds of interrupt that JB1 handles, with JB2 silent or with all boxes healthy."""
     faults = [DeadBox("JB2", start=10.0)] if silent_box else []
     work = simulate(System(), faults=faults, until=20).timeline(0, 20).table()
     return len(set(work.loc[work["row"] == "JB1", "task"]) - {"convert", "send"})
@@ -147,7 +147,7 @@ def _trace(frames: list[bytes], begins: list[float], end: float) -> Trace:
 
 
 def switch_over_scope(system: System, *, cut: float = 1.5, end: float = 3.4) -> dict[str, Trace]:
-    """Return the AMS's requests on both channels around a cut of channel 1 [s]: Fig 12(b)."""
+    """Return the AMS's requests on both channels, with channel 1 cut at `cut` [s]: Fig 12(b)."""
     asked = simulate(system, faults=ModbusBreak("1", start=cut), until=end).requests()
     traces = {}
     for channel, unit in ((1, JB1), (2, JB3)):

@@ -51,7 +51,7 @@ def _flow(*, ax: Axes) -> Axes:
 
 
 def plot_inputs(card: InputCard, corrected: InputCard, *, axes: Sequence[Axes]) -> None:
-    """Draw the voltages of a current loop and of a thermometer at the converter: Fig 8."""
+    """Draw the voltage at the ADC against the loop current and the Pt100 resistance: Fig 8."""
     current = np.linspace(0, 24e-3, 400)
     resistance = np.linspace(70, 190, 400)
     for inputs, label, line in ((card, "as printed", "-"), (corrected, "corrected", "--")):
