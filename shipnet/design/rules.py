@@ -642,9 +642,10 @@ def longest_responses(rules: Iterable[Rule], points: pd.DataFrame, host_time: fl
         if rule.measure == "response" and rule.bound != "at least":
             # Reduced slightly, so that a rounding error cannot decide the verdict.
             limit = (rule.limit - rule.host * host_time) * (1 - 1e-9)
-            mine = APPLIES[rule.applies](points).to_numpy(bool)
-            longest[mine] = np.minimum(longest[mine], limit)
-    return np.where(longest > 0, longest, np.inf)
+            if limit > 0:
+                mine = APPLIES[rule.applies](points).to_numpy(bool)
+                longest[mine] = np.minimum(longest[mine], limit)
+    return longest
 
 
 # The check: each rule with the value computed for it, and its verdict ----------------------------
