@@ -126,7 +126,7 @@ def _response(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     known = times.dropna()
     missing = len(times) - len(known)
     if known.empty:
-        return Outcome(_NAN, why=f"none of the {missing} points has a response time")
+        return Outcome(_NAN, why=f"no response time is known (points: {missing})")
     added = facts.host_time if host else 0.0
     worst: Any = known.idxmax()
     parts = [f"{known[worst]:.3g} s to the host"]
