@@ -392,7 +392,7 @@ class FleetReport:
     --------
     >>> run_fleet(2, [Command("open", 60.0)], faults=Fault("V1", valves=2), until=120)
     2 valves, 0.0333333 h, 0.0 million samples, 2 motor runs
-    1 faults: 1 detected, 1 named, 1 isolated; 0 false alarms
+    1 fault: 1 detected, 1 named, 1 isolated; 0 false alarms
     """
 
     n_valves: int
@@ -468,8 +468,9 @@ class FleetReport:
         return (
             f"{self.n_valves} valves, {self.duration / 3600:g} h, "
             f"{self.n_samples / 1e6:.1f} million samples, {len(self.commands)} motor runs\n"
-            f"{len(table)} faults: {found} detected, {table['named'].sum()} named, "
-            f"{isolated} isolated; {len(self.false_alarms())} false alarms"
+            f"{len(table)} fault{'s' if len(table) != 1 else ''}: {found} detected, "
+            f"{table['named'].sum()} named, {isolated} isolated; "
+            f"{len(self.false_alarms())} false alarms"
         )
 
     def false_alarm_rate(self, confidence: float = 0.95) -> tuple[float, float]:

@@ -380,8 +380,6 @@ def _cell(cells: dict[str, str], title: str, pattern: re.Pattern[str] = _DECIMAL
     """Return the text of a cell; raise an error unless it is a number."""
     cell = cells.get(title, "")
     if not pattern.fullmatch(cell):
-        if cell.lower().strip("+-") in ("nan", "inf", "infinity"):
-            raise ValueError(f"the time is {cell}")
         raise ValueError(f"column {title} is {_shown(cell)}; expected a number")
     return cell
 

@@ -411,13 +411,15 @@ class Draft:
     def _runs(self, rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
         if not rows:
             return frame("cables")
-        runs = pd.DataFrame(rows).drop(columns=["start", "end"])
-        start, end = (np.array([row[at] for row in rows], dtype=float) for at in ("start", "end"))
-        share, given = runs["share"].to_numpy(np.float64), runs["length"].to_numpy(np.float64)
+        start, end, share, given = (
+            np.array([row[name] for row in rows], dtype=float)
+            for name in ("start", "end", "share", "length")
+        )
         route = np.where(np.isnan(given), self.site.route(start, end) * share, np.nan)
         own = self.site.detour * route + self.site.tails * share
-        runs = runs.assign(route_m=route, length_m=np.where(np.isnan(given), own, given))
-        return frame("cables", runs[list(COLUMNS["cables"])])
+        lengths = {"route_m": route, "length_m": np.where(np.isnan(given), own, given)}
+        named = [name for name in COLUMNS["cables"] if name not in lengths]
+        return frame("cables", {name: [row[name] for row in rows] for name in named} | lengths)
 
 
 # Junction boxes: boxes named in the list, and clusters of all other points ----------------------

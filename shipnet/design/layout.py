@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -200,9 +201,19 @@ def frame(table: str, rows: Any = ()) -> pd.DataFrame:
     types = {column: _DTYPES.get(kind, object) for column, kind in COLUMNS[table].items()}
     if not isinstance(rows, pd.DataFrame | Mapping):
         rows = list(rows)
-    made = pd.DataFrame(rows) if len(rows) else pd.DataFrame(columns=list(types))
-    more = made.columns.difference(list(types), sort=False)
-    return made[[*types, *more]].reset_index(drop=True).astype(types)
+        rows = {
+            name: [row.get(name, np.nan) for row in rows]
+            for name in dict.fromkeys(chain(types, *rows))
+        }
+    if not isinstance(rows, pd.DataFrame):
+        # Each column has its type at once: text would become pandas' strings, and objects later.
+        index = pd.RangeIndex(len(rows[next(iter(types))]))
+        rows = {name: pd.Series(rows[name], index, types.get(name)) for name in rows}
+    made = pd.DataFrame(rows).reset_index(drop=True)
+    order = [*types, *(column for column in made.columns if column not in types)]
+    made = made if order == [*made.columns] else made[order]
+    wrong = {column: kind for column, kind in types.items() if made[column].dtype != kind}
+    return made.astype(wrong) if wrong else made
 
 
 @dataclass(frozen=True, eq=False)

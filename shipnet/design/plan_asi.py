@@ -440,10 +440,10 @@ def plan_asi(draft: Draft, rows: Indices) -> None:
             continue
         limit, value, bound, unit = line.exceeded
         of = f" {unit}" if unit else ""
-        said = f"even on its own line: {value:.4g}{of}, allowed {bound:.4g} {unit}"
+        said = f"even on its own line: {value:.4g}{of}; the limit is {bound:.4g}{of}"
         for row in line.modules[0].rows:
             tag = draft.tags[row]
-            text = f"{tag} exceeds the AS-i limit on {limit} {said}"
+            text = f"{tag} does not meet the AS-i limit on {limit} {said}"
             draft.reason(tag, limit, value, bound, unit, text)
 
 

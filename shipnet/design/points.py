@@ -516,7 +516,7 @@ def _signals(cells: Cells, kinds: list[str], safety: list[str]) -> list[str]:
     untyped = (word for word, kind in zip(words, kinds, strict=True) if not kind)
     for word, count in Counter(filter(_input_of, untyped)).items():
         said = f"signal {word!r} without a type is read as an input, not an output"
-        cells.remarks.append(Remark(f"{said}: {count} times"))
+        cells.remarks.append(Remark(f"{said}: {count} time{'s' if count > 1 else ''}"))
     for (word, signal), rows in taken.items():
         cells.remarks.append(Remark(f"signal {word!r} read as {signal}", tuple(rows), detail=True))
     return signals

@@ -126,7 +126,7 @@ def _response(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     known = times.dropna()
     missing = len(times) - len(known)
     if known.empty:
-        return Outcome(_NAN, why=f"none of the {missing} points has a response time")
+        return Outcome(_NAN, why=f"no response time is known (points: {missing})")
     added = facts.host_time if host else 0.0
     worst: Any = known.idxmax()
     parts = [f"{known[worst]:.3g} s to the host"]
@@ -642,9 +642,10 @@ def longest_responses(rules: Iterable[Rule], points: pd.DataFrame, host_time: fl
         if rule.measure == "response" and rule.bound != "at least":
             # Reduced slightly, so that a rounding error cannot decide the verdict.
             limit = (rule.limit - rule.host * host_time) * (1 - 1e-9)
-            mine = APPLIES[rule.applies](points).to_numpy(bool)
-            longest[mine] = np.minimum(longest[mine], limit)
-    return np.where(longest > 0, longest, np.inf)
+            if limit > 0:
+                mine = APPLIES[rule.applies](points).to_numpy(bool)
+                longest[mine] = np.minimum(longest[mine], limit)
+    return longest
 
 
 # The check: each rule with the value computed for it, and its verdict ----------------------------

@@ -150,7 +150,7 @@ class Coding:
         begin, end = np.maximum(begin, low), np.minimum(end, high)
         # The upper end of an interval belongs to the next number, except that a point's range
         # includes its end.
-        meet = (begin < end) | ((begin == end) & (begin == low))
+        meet = (begin < end) | ((begin == end) & (begin == high))
         meet &= (number >= lowest) & (number <= highest)
         return pd.DataFrame(
             {

@@ -186,7 +186,8 @@ class Bits:
         """Return what is wrong with the bits, or None if they are right."""
         if answer == self.value:
             return None
-        return f"these {len(answer)} bits are {NOT_YET}"
+        what = "this bit is" if len(answer) == 1 else f"these {len(answer)} bits are"
+        return f"{what} {NOT_YET}"
 
 
 @dataclass(frozen=True)
@@ -368,7 +369,7 @@ class Table:
         if missing := [name for name in columns if any(name not in row for row in rows)]:
             raise Misread(f"column {missing[0]!r} is missing; expected: {', '.join(columns)}")
         if len(rows) != len(self.value):
-            raise Misread(f"{len(rows)} rows, but {len(self.value)} are expected")
+            raise Misread(f"{len(self.value)} rows are expected, got {len(rows)}")
         if any(blank(row[name]) for row in rows for name in columns):
             raise NotSolved
         found = [

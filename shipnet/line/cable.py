@@ -188,7 +188,7 @@ class Cable(Valued):
         """
         metres = check_scalar("length", length, "m", 1.0, 1e5)
         steps = check_whole("n_steps", n_steps, 2, 10_000)
-        if np.ndim(self.z0) or np.ndim(self.delay):
+        if any(np.ndim(constant) for constant in self.parameters):
             raise ArgumentError("cable has constants that are arrays; a pulse needs a single cable")
         delay, z0 = float(self.delay) * metres, float(self.z0)
         sigma = check_scalar("width", width, "s", delay / 200, 2 * delay)

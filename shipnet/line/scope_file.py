@@ -432,7 +432,7 @@ def _logic_of(
                     what = f"more than {MOST_EDGES} changes of level"
                     raise InputError(file, f"{what}; save a part of the record")
     if at < 2:
-        raise InputError(file, f"it has {at} sample; expected 2 or more")
+        raise InputError(file, f"number of samples is {at}; expected 2 or more")
     legal = range(1, 8 * unit + 1)
     titles = {k: title for k, title in _named(about, "probe").items() if k in legal}
     titles = titles or {k: f"D{k - 1}" for k in legal}
@@ -504,7 +504,7 @@ def _edges_of(
     """Return the level changes of one column of numbers."""
     u, title = _checked(file, table, k), table.columns[k].title
     if len(u) < 2:
-        raise InputError(file, f"it has {len(u)} sample; expected 2 or more")
+        raise InputError(file, f"number of samples is {len(u)}; expected 2 or more")
     two = np.unique(u[~np.isnan(u)])
     logic = set(two.tolist()) <= {0.0, 1.0} and not np.isnan(u).any()
     if interval is None and time is not None and logic:
@@ -569,7 +569,7 @@ def _recording(
     chosen = columns[wanted[0]]
     u = _checked(file, table, wanted[0])
     if len(u) < 2:
-        raise InputError(file, f"it has {len(u)} sample; expected 2 or more")
+        raise InputError(file, f"number of samples is {len(u)}; expected 2 or more")
     if chosen.scale != 1:
         u = u * chosen.scale
     if sample_interval is None:

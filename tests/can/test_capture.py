@@ -408,7 +408,7 @@ def test_can_fd_and_error_flags_are_named(save):
     [
         (session([0, 1] * 50)[:-40], "not a complete .sr file"),
         (session([0, 1] * 50, rate="fast"), "it has no times"),
-        (session([1]), "it has 1 sample"),
+        (session([1]), "number of samples is 1"),
         (session([0, 1] * 50, metadata="unitsize=3\n"), "its unitsize is 3; expected 1, 2, 4 or 8"),
         (session([0, 1] * 50, metadata="capturefile=other\n"), "a part of other is missing"),
         (session(np.zeros(20_000_000)), "it unpacks to 20000000 bytes of logic; at most 1"),

@@ -330,7 +330,7 @@ def test_a_log_is_a_table_with_data_in_hexadecimal_digits():
 @pytest.mark.parametrize(
     ("column", "cell", "fault"),
     [
-        (0, "nan", "the time is nan"),
+        (0, "nan", "column timestamp is"),
         (1, "0x40000000", "the identifier is 0x40000000; it must be 0"),
         (5, "300", "the data length code is 300; it must be 0..15"),
         (6, "AAECAwQFBgcICQ==", "it has 10 bytes of data; it must have 0..8"),
@@ -452,7 +452,7 @@ def test_tables_of_loggers_are_read_without_python_can(tmp_path, monkeypatch, na
 @pytest.mark.parametrize(
     ("row", "why"),
     [
-        ("nan,0123,false,Rx,0,0", "the time is nan"),
+        ("nan,0123,false,Rx,0,0", "column timestamp is 'nan'; expected a number"),
         ("-5,0123,false,Rx,0,0", "column timestamp is '-5'; expected a number"),
         ("1,4123,false,Rx,0,0", "the identifier is 0x4123; it must be 0..0x7ff"),
         ("1,012G,false,Rx,0,0", "column id is '012G'"),

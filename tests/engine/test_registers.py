@@ -49,6 +49,16 @@ def test_collisions_equal_those_of_a_dense_grid(coding):
         assert taken.max() == pytest.approx(table["to"][k], abs=slack)
 
 
+def test_a_number_includes_the_lower_end_of_its_values_and_not_the_upper_end():
+    coding = CODINGS["whole units, 0x00FF"]
+    ends = [Point("A", "M", "4-20 mA", "level", 0, 254.5, "m"),
+            Point("B", "M", "4-20 mA", "level", 255.5, 300, "m")]  # fmt: skip
+    table = coding.collisions(ends)
+    assert coding.encode(ends, [[254.5, 255.5]]).tolist() == [[0xFF, 0x100]]
+    assert table["collides"].tolist() == [True, False]
+    assert (table["from"][0], table["to"][0], table["percent"][0]) == (254.5, 254.5, 0)
+
+
 def test_the_corrected_coding_never_sends_its_mark_for_a_value():
     wild = np.random.default_rng(3).normal(0, 1e6, (1000, 99))
     assert (CORRECTED.encode(POINTS, wild) != CORRECTED.error).all()

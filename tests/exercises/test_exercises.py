@@ -388,6 +388,7 @@ def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
         (Bits("0011001"), 11001, "in quotes"),
         (Bits("0011001"), None.__class__, "of type type"),
         (Bits("0011001"), "001100", "these 6 bits are not right yet"),
+        (Bits("0011001"), "0", "this bit is not right yet"),
         (Bits("0011001"), "001x001", "'x' is not a bit"),
         (Bytes(b"\x01\x03"), "1 3", "two digits"),
         (Bytes(b"\x01\x03"), "01", "this byte is not right yet"),
@@ -538,7 +539,7 @@ def test_a_table_is_compared_row_by_row():
         TABLE, right.assign(cycle=[0.5, 5000.0])
     )
     assert "'cycle' is missing" in said_of(TABLE, right[["n"]])
-    assert "1 rows, but 2" in said_of(TABLE, right[:1])
+    assert "2 rows are expected, got 1" in said_of(TABLE, right[:1])
     assert said_of(TABLE, right.to_dict("records")) is None
     assert said_of(TABLE, right[::-1]) is None
     with pytest.raises(NotSolved):
@@ -550,7 +551,7 @@ def test_a_table_is_compared_row_by_row():
     [
         (5, "of type int"),
         ({"n": 1, "cycle": 0.5}, "that is a single row"),
-        ([], "0 rows, but 2"),
+        ([], "2 rows are expected, got 0"),
         ([(1, 0.5), (31, 5.0)], "row 1 is of type tuple"),
         ([{"n": 1, "cycle": 0.5}, [31, 5.0]], "row 2 is of type list"),
         ("1 0.5", "of type str"),

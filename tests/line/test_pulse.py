@@ -3,7 +3,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError
-from shipnet.line import CABLES
+from shipnet.line import CABLES, Cable
 
 LOSSLESS = CABLES["as-i lossless"]
 
@@ -51,6 +51,12 @@ def test_a_short_circuit_inverts_the_pulse_and_an_open_end_does_not(resistor):
 def test_arguments_have_a_range(wrong):
     with pytest.raises(ArgumentError):
         LOSSLESS.pulse(**wrong)
+
+
+def test_a_pulse_needs_a_single_cable():
+    for many in ({"r": [0.06, 0.07]}, {"g": [1e-6, 2e-6]}, {"l": [0.6e-6, 0.7e-6]}):
+        with pytest.raises(ArgumentError, match="a single cable"):
+            Cable(**{"r": 0.06, "l": 0.65e-6, "c": 65e-12, **many}).pulse()
 
 
 def test_a_step_is_drawn_with_what_was_reached_before():

@@ -177,7 +177,7 @@ def test_uneven_times_are_located(save):
         (b" \r\n\n", "the file is empty"),
         (b"\0\1\2\3", "not text"),
         (b"hello\nworld\n", "no column of numbers"),
-        (b"Time,CH1\n1e-7,2.0\n", "it has 1 sample"),
+        (b"Time,CH1\n1e-7,2.0\n", "number of samples is 1"),
         (rows("{v:.3f}"), "it has no times"),
         ("Time (s),I (A)\n" + rows("{t:.8f},{v:.3f}"), "no voltage column"),
         ("Time\n" + rows("{t:.8f}"), "no voltage column"),
