@@ -5,11 +5,11 @@ from timeit import timeit
 
 
 def seconds(function, repeats=None, timer=perf_counter):
-    """Return the shortest of several run times, which is the least disturbed by other work.
+    """Return the shortest of several run times [s], the one least disturbed by other work.
 
-    With `process_time` as timer, other programs and child processes are not counted. Without
-    `repeats`, the function is called at least three times, and then until the calls have taken
-    0.1 s in total or 1000 calls were made.
+    With `process_time` as timer, the time of other programs and child processes is not counted.
+    Without `repeats`, the function is called at least three times, and then until the calls have
+    taken 0.1 s in total or 1000 calls have been made.
     """
     times = []
     total = 0.0

@@ -23,7 +23,7 @@ BIT = 6e-6
 
 
 def record(duration, rate):
-    """Return a full bus: 31 slaves, 156 us per transaction, 0.05 V of noise on 30 V."""
+    """Return the noisy voltage of a full bus [V], and one cycle's pairs of request and response."""
     step = 1 / rate
     words, one = [], []
     for address in range(1, 32):
@@ -42,7 +42,7 @@ def record(duration, rate):
 
 
 def plain_decode(u, dt):
-    """Decode as a simple script would: by sample, with a fixed threshold and a parity check."""
+    """Decode sample by sample like a simple script, with a fixed threshold and a parity check."""
     mean = sum(u) / len(u)
     pulses, loud, sign, top, at = [], False, 0, 0.0, 0
     for k, sample in enumerate(u):
@@ -81,7 +81,7 @@ print(capture.telegrams, int(re.search(r"VmHWM:\s*(\d+)", status)[1]) / 1024)
 
 
 def memory(kind, rate):
-    """Return the number of telegrams in a file of 1 GB, and the peak memory to decode it [MiB]."""
+    """Return the number of telegrams in a 1 GB file, and the peak memory for decoding it [MiB]."""
     u = (1000 * record(0.31, rate)[0]).astype(kind)
     length = 10**9 // u.itemsize
     with tempfile.TemporaryDirectory() as folder:

@@ -21,7 +21,7 @@ SAMPLE = 500  # telegrams in the loop, whose time is scaled up
 
 
 def plain_loop(wave, disturbance, amplitude, number, rng, receiver):
-    """Count failures one telegram at a time, with the same disturbances and receiver."""
+    """Simulate and receive telegrams one at a time; return the fraction that fail."""
     failed = 0
     for _ in range(number):
         word = rng.integers(len(wave.bits))
@@ -47,7 +47,7 @@ def main():
         batch = partial(count_errors, wave, disturbance, amplitude, NUMBER, rng, receiver=receiver)
         loop = partial(plain_loop, wave, disturbance, amplitude, SAMPLE, rng, receiver)
         rate, low_rate = batch()["rate"][0], loop()
-        # Batch and loop do the same work, so the rates must agree within five sigma of the loop's.
+        # The failure rates must agree within 0.03 plus five standard deviations of the loop's rate.
         assert abs(rate - low_rate) < 5 * np.sqrt(rate * (1 - rate) / SAMPLE) + 0.03
         ours, theirs = NUMBER / seconds(batch), SAMPLE / seconds(loop)
         print(f"{name:<26}{ours:>14.3g}{theirs:>12.3g}{ours / theirs:>11.0f}x")

@@ -1,9 +1,9 @@
-"""Simulate an AS-i line of 62 slaves telegram by telegram, compared with the same loop in SimPy.
+"""How fast an AS-i line of 62 slaves is simulated, telegram by telegram, compared with SimPy.
 
 In each cycle, both programs poll one slave at each of 31 addresses, read the status of one slave,
-and poll a vacant address; a lost request or response is repeated at once. Both programs get the
-same disturbances and must give the same cycle times. Rates are in requests per second; a real line
-carries about 6400.
+and poll a vacant address; if a request or its response is lost, the request is repeated at once.
+Both programs get the same disturbances and must give the same cycle times. Rates are in requests
+per second; a real line carries about 6400.
 """
 
 from unittest.mock import patch
@@ -20,13 +20,13 @@ except ImportError:
     simpy = None
 
 CYCLES = 2000
-RATE = 1e-3  # probability that a request is lost, and that a response is lost
+RATE = 1e-3  # probability that a request is lost; also that a response is lost
 LABELS = [f"{address}{half}" for address in range(1, 32) for half in "AB"]
 SLAVES = [Slave(label, "S-7.A.E") for label in LABELS]
 
 
 def with_simpy(disturbances):
-    """Return the cycle times of a model with one SimPy process per slave and one for the master."""
+    """Return the cycle times [s] of a model with SimPy processes for the master and each slave."""
     environment = simpy.Environment()
     mailboxes = [simpy.Store(environment) for _ in LABELS]
     replies = simpy.Store(environment)

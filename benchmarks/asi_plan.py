@@ -1,4 +1,4 @@
-"""How long a plan of 62 slaves takes to check, compared with a dense solution of its network."""
+"""How long it takes to check AS-i plans, and how our network solver compares with a dense one."""
 
 import os
 
@@ -16,7 +16,7 @@ from shipnet.line.waveform import F_MAX, laplace_grid
 
 
 def dense_transfer(network, root, s):
-    """Solve the nodal equations of a network as a simple script would."""
+    """Compute transfer impedances [ohm] from nodal equations, as a simple script would."""
     matrix = np.zeros((len(s), len(network.nodes), len(network.nodes)), dtype=complex)
     conductance, per_henry, capacitance = network.shunts()[..., 0]
     each = range(len(network.nodes))

@@ -1,4 +1,4 @@
-"""How much faster the batch functions are than a loop over single telegrams."""
+"""How much faster AS-i requests are parsed in a batch than in loops over single requests."""
 
 import numpy as np
 from _timing import seconds

@@ -1,8 +1,8 @@
 """How much faster valves are simulated all at once than in a loop or by differential equations.
 
-The equations also include the compliance of the oil and the mass, so they are a more detailed
-model, not just a slower way to compute the same results. The difference between the results of the
-equations and of the closed form is printed too.
+The equations also include the mass and the compliance of the oil, so they are a more detailed
+model, not just a slower way to compute the same results. The program also prints the largest
+difference between the results of the equations and of the simulation, which uses a closed form.
 """
 
 import sys
@@ -37,7 +37,7 @@ def stroke():
 
 
 def day(n_valves):
-    """Simulate a day with an hourly command to every valve; return the number of samples."""
+    """Simulate a day with an hourly command to every valve; return the number of instants."""
     hours = range(24)
     orders = [Command(("open", "close")[hour % 2], 3600.0 * hour) for hour in hours]
     run = blocks(n_valves, orders, until=86400, rng=np.random.default_rng(1))

@@ -18,11 +18,11 @@ seconds = partial(shortest, timer=process_time)
 BIT_RATE = 125e3
 BIT_US = 8
 PERIODS_MS = [5, 5, 10, 10, 10, 20, 20, 50, 50, 50, 100, 100, 100, 100, 1000, 1000, 1000]
-SINGLE, LOOPED, BATCH, SETS = 60.0, 10.0, 3.0, 2000  # simulated seconds; sets of offsets
+SINGLE, LOOPED, BATCH, SETS = 60.0, 10.0, 3.0, 2000  # simulated times [s]; number of offset sets
 
 
 def peer(messages, duration):
-    """Return each message's frames sent and longest response [us], from one SimPy process each."""
+    """Simulate in SimPy; return each message's number of frames sent and longest response [us]."""
     horizon = round(duration * 1e6)
     environment = simpy.Environment()
     bus = simpy.PriorityResource(environment, capacity=1)
@@ -51,7 +51,7 @@ def peer(messages, duration):
 def main():
     number = len(PERIODS_MS)
     rng = np.random.default_rng(2024)
-    # With these offsets, no two messages are released at once; SimPy would order them arbitrarily.
+    # These offsets prevent simultaneous releases, which SimPy would order arbitrarily.
     offsets = rng.permuted(np.tile(np.arange(number), (SETS, 1)), axis=1) * 0.293e-3
     messages = MessageSet(
         Message(f"m{k}", k, 8, ms / 1e3, offset=offset, bits=int(bits))

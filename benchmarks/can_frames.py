@@ -11,7 +11,7 @@ SAMPLE = 5_000  # frames in the loops, whose times are scaled up
 
 
 def plain_length(number, data):
-    """Count the bits of a frame with 8 data bytes as a simple script would: as one integer."""
+    """Count the bits of an 8-byte frame as a simple script would: one by one, from an integer."""
     message, size = (number << 7 | 8) << 64 | int.from_bytes(data, "big"), 83
     register = 0
     for place in range(size - 1, -1, -1):

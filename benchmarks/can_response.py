@@ -13,7 +13,7 @@ seconds = partial(shortest, timer=process_time)
 BIT_RATE = 250_000
 BIT = 1 / BIT_RATE
 
-#: Subtracted before rounding up, so that a rounding error does not raise a whole number by one [s].
+#: Tolerance for rounding errors [s]; without it, `ceil` could count one instance too many.
 DUST = 1e-12
 
 
@@ -70,7 +70,7 @@ class EventModel:
         return math.ceil((window + self.jitter) / self.period - DUST / self.period)
 
     def delta_min(self, q):
-        """Return the shortest time from the first event to the q-th, counted from 1."""
+        """Return the shortest time from event 1 to event q [s]."""
         return max(0.0, (q - 1) * self.period - self.jitter)
 
 

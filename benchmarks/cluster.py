@@ -1,4 +1,4 @@
-"""How much faster two Dask workers are than one, for rare errors and a fleet as Parquet files.
+"""How much faster two Dask workers are than one, for rare errors and for writing fleet files.
 
 Wall times are meaningful only on an idle machine. On any machine, the CPU time of a single worker,
 divided by that of the busier of two, shows how evenly the work is shared. Workers are warmed up

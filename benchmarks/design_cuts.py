@@ -1,9 +1,9 @@
 """How fast all single failures of a plan are evaluated, compared with a loop over networkx.
 
-Both programs get the same plan of 2000 points, with one line per bus. The loop removes one cable or
-box from the graph of cables, finds with networkx which points the cabinet still reaches, and puts
-the cable or box back. It evaluates only a sample of the failures: its results must equal those of
-shipnet, and its time is scaled up. The loop ignores supplies and short circuits, which shipnet
+Both programs get the same plan of 2000 points, without redundant trunks. The loop removes one cable
+or box from the graph of cables, finds with networkx which points the cabinet still reaches, and
+puts the cable or box back. It evaluates only a sample of the failures: its results must equal those
+of shipnet, and its time is scaled up. The loop ignores supplies and short circuits, which shipnet
 covers. AS-i, whose results depend on both, is therefore left out.
 """
 
@@ -40,7 +40,7 @@ def ship(n):
 
 
 def graph_of(design):
-    """Return a graph with cables and housings as edges, without feeders, which carry power only."""
+    """Return a graph with an edge per cable, except power feeders, and per device in a housing."""
     graph = nx.MultiGraph()
     graph.add_nodes_from(design.devices["device"])
     for inside in design.devices[design.devices["at"] != ""].itertuples():

@@ -29,7 +29,7 @@ def enlarged(folder):
 
 
 def row_by_row(path):
-    """Check a list as a script would, with one dictionary per row and our own column names."""
+    """Check a CSV file with our column names as a script would, with one dictionary per row."""
     faults, first, boxes = [], {}, {}
     with path.open(newline="", encoding="utf-8") as stream:
         for number, row in enumerate(csv.DictReader(stream), start=2):
@@ -66,7 +66,7 @@ def row_by_row(path):
 
 
 def by_openpyxl(path):
-    """Return the unchecked rows of a workbook in the fastest way that openpyxl offers."""
+    """Read the rows of a workbook, unchecked, in the fastest way that openpyxl offers."""
     book = load_workbook(path, read_only=True, data_only=True)
     rows = list(book.worksheets[0].iter_rows(values_only=True))
     book.close()

@@ -1,4 +1,4 @@
-"""How long planning takes, and how much wire its groups and routes save over greedy loops."""
+"""How long planning takes, and how much wire its groups and routes save over greedy ones."""
 
 import os
 
@@ -33,7 +33,7 @@ def ship(n):
 
 
 def by_clusters(places):
-    """Group places by PORTS: split them into zones by reach, then minimise distances in each."""
+    """Form groups of up to PORTS places: split by reach into zones, then minimise distances."""
     labels = np.empty(len(places), dtype=int)
     zone = zones(places, reach=REACH, most=400)
     found = 0
@@ -46,7 +46,7 @@ def by_clusters(places):
 
 
 def by_greed(places):
-    """Group greedily: take the first remaining place, and the nearest within reach of its group."""
+    """Group greedily: the first remaining place, then the nearest in reach of the whole group."""
     left = list(range(len(places)))
     labels = np.empty(len(places), dtype=int)
     group = 0

@@ -1,7 +1,7 @@
-"""How the time of a whole design grows: plans, failures, rules, costs and report of all options.
+"""How the time to plan, check and compare all options of a design grows with its points.
 
-Prints CPU seconds on one core, excluding imports, next to the targets for two cores, and the peak
-memory of the process so far. Sizes may be given: `python benchmarks/design_scale.py 1000 20000`.
+Prints CPU seconds on one core, excluding imports, and the peak memory so far, next to the targets
+for two cores. Numbers of points may be given: `python benchmarks/design_scale.py 1000 20000`.
 """
 
 import os
@@ -26,7 +26,7 @@ GOALS = {1_000: (3, 1500), 20_000: (40, 1500), 100_000: (240, 5000)}
 
 
 def whole(n):
-    """Return the CPU time of each part [s]."""
+    """Plan and compare all options for n points; return the CPU time of each part [s]."""
     iolist, rules, spent, designs = ship(n), RuleSet.published("DNV"), {}, []
     begin = process_time()
     for option in OPTIONS:

@@ -1,4 +1,4 @@
-"""How fast a fleet is diagnosed, compared with loops over scikit-fuzzy and over shipnet's rules.
+"""How fast a fleet is diagnosed, compared with loops that call scikit-fuzzy or shipnet per sample.
 
 The readings are from valves that open and close; both loops process only a few readings. In the
 simulated day, each of 256 valves receives one command per hour, and the day is processed in blocks.
@@ -41,7 +41,7 @@ def own_loop(rows):
 
 
 def day():
-    """Diagnose a day of a fleet; return the number of readings and both run times [s]."""
+    """Simulate and diagnose a fleet's day; return the number of readings and both run times [s]."""
     orders = [Command(("open", "close")[hour % 2], 3600.0 * hour) for hour in range(24)]
     faults = [Fault("V1", start=30000.0, valves=4), Fault("P2", start=50000.0, valves=71)]
     tail, spent, readings = None, 0.0, 0
@@ -71,7 +71,7 @@ def main():
     exact = diagnosis.firing(valve + 1).strength[known]
     assert np.abs(control_loop(rows) - exact).max() < 1e-12
     assert np.array_equal(own_loop(rows), exact)
-    # Diagnosis in blocks, with dead bands, must give the same decisions as for the whole array.
+    # Fuzzy diagnosis in blocks must decide the same as midpoint comparisons of the whole array.
     whole = BASE.fire(diagnosis.samples, "midpoint").decide(k=3, n=5).active
     assert np.array_equal(whole, diagnosis.active)
 

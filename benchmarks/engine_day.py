@@ -1,4 +1,4 @@
-"""A simulated day of the engine system of lee2012, compared with an event-by-event simulation.
+"""How long simulating a day of lee2012's engine takes, compared with event-by-event simulation.
 
 The event-by-event simulation covers only a short time, and its run time is scaled up. The tests
 check that both simulations give the same samples, to the nanosecond.

@@ -1,4 +1,4 @@
-"""How fast the rules of kim2014 are evaluated, compared with loops over scikit-fuzzy and simpful.
+"""How fast the rules of kim2014 are evaluated, compared with scikit-fuzzy and simpful.
 
 simpful is left out if it is not installed.
 """
@@ -44,7 +44,7 @@ def control_loop(base):
 
 
 def trapezoids(base, given):
-    """Compute whole columns with skfuzzy.trapmf, as a careful user of scikit-fuzzy would."""
+    """Compute firing strengths from whole columns with skfuzzy.trapmf, as a careful user would."""
     from skfuzzy import trapmf
 
     degrees = {

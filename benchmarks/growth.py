@@ -1,6 +1,6 @@
 """How the time and memory of eight main jobs grow with their size, compared with other programs.
 
-The program prints a table, and writes table and figure to build/growth.html. Times are CPU seconds
+The program prints a table, and writes it with a figure to build/growth.html. Times are CPU seconds
 on one core; memory is the peak that Python and numpy allocate.
 """
 
@@ -86,7 +86,7 @@ def valves(n):
     return lambda: run_fleet(n, plan, until=7200, rng=1)
 
 
-#: For each job: function, unit of its size, our sizes, name of the peer program, and its sizes.
+#: For each job: function, unit of size, our sizes, name of the peer program, and the peer's sizes.
 JOBS = {
     "receive AS-i responses": (receiver, "telegrams", (1e3, 1e4, 1e5), "plain loop", (100, 1e3)),
     "decode a capture at 10 MS/s": (capture, "ms", (10, 100, 1000), "plain loop", (30, 100)),

@@ -1,8 +1,8 @@
-"""How fast waveforms and transfer impedances of a tree are computed, for the same error.
+"""How fast waveforms and transfer impedances of a tree are computed, compared with other programs.
 
-The network has 31 tees along a trunk, with one slave at each tee and one at the end of a stub from
-it; the master and the power supply are at the beginning of the trunk: 62 slaves on 63 nodes, 99 m.
-ngspice and scikit-rf are measured for comparison if they are installed.
+The network is a trunk with 31 tees, each with a slave and a stub that ends at another slave; the
+master and the power supply are at the beginning of the trunk: 62 slaves, 63 nodes, 99 m of cable.
+ngspice (with the same error limit) and scikit-rf are measured only if they are installed.
 """
 
 import shutil
@@ -67,7 +67,7 @@ def all_waveforms(samples, late=None, out=None):
 
     A caller may pass the arrays `late` (zeros at first) and `out`, to avoid allocating them anew.
     """
-    # As in `shipnet.asi.segment`, the effect of a current step fades within half of the time.
+    # As in `shipnet.asi.segment`, the voltage of a current step has faded after half of `DURATION`.
     s = laplace_grid(DURATION / 2, F_MAX, 4.0)
     network = tree(LOSSLESS)
     z = network.transfer("master", s)[1:]
@@ -82,7 +82,7 @@ def all_waveforms(samples, late=None, out=None):
 
 
 def deck(network, sender, step):
-    """Write the same network as a netlist for ngspice."""
+    """Return a network with a sender as an ngspice netlist; `step` is the longest time step [s]."""
     names = {name: name.replace(" ", "_") for name in network.nodes}
     lines = ["* 62 slaves", ".func cl(x) {min(max(x,0),1)}"]
     lines.append(f".func rho(x) {{cl(x)-sin({2 * np.pi!r}*cl(x))/{2 * np.pi!r}}}")
@@ -166,7 +166,7 @@ def main():
     every = seconds(lambda: all_waveforms(256, late, out))
     assert (out == all_waveforms(256)).all()
     if shutil.which("ngspice"):
-        time, wave = ngspice(5e-9)  # above the shortest delay, 6.5 ns, ngspice would never end
+        time, wave = ngspice(5e-9)  # with steps above the shortest delay, 6.5 ns, it never ends
         theirs = np.abs(wave - exact).max() / peak
         assert theirs <= ERROR, theirs
         note = f" (error {theirs:.1e})"

@@ -16,7 +16,7 @@ REGISTERS = 38  # all points of the largest junction box of lee2012
 
 
 def report(title, per_item):
-    """Print each rate, and its ratio to the first one."""
+    """Print each rate, and the ratio of the first rate to it."""
     print(f"{title:<44}{'per second':>12}{'first is faster by':>20}")
     first = next(iter(per_item.values()))
     for name, time in per_item.items():

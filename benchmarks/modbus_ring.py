@@ -15,7 +15,7 @@ LINE = SerialLine(9600)
 
 
 def seconds(function, repeats=3):
-    """Return the shortest of several run times and the function's result."""
+    """Return the shortest of several run times [s], and the function's result."""
     times = []
     for _ in range(repeats):
         begin = perf_counter()
@@ -25,7 +25,7 @@ def seconds(function, repeats=3):
 
 
 def graph_counts(n, pairs):
-    """Count the slaves lost by two breaks, from the components of a graph."""
+    """Count the slaves that each pair of breaks cuts off, from the components of a graph."""
     lost = []
     for i, j in pairs:
         graph = nx.path_graph(n + 2)
@@ -36,7 +36,7 @@ def graph_counts(n, pairs):
 
 
 def polled(loop, place, start, end):
-    """Poll a breaking loop in a SimPy process with time-outs; return the successful polls."""
+    """In SimPy, poll a loop that breaks at `start`; return slave and end [s] of each good poll."""
     env, poll, answers = simpy.Environment(), loop.poll, []
     needed = poll.time - LINE.t35
     port = [0] * loop.n_slaves

@@ -1,8 +1,8 @@
 """How long a client of our server or of pymodbus's waits while another client pipelines requests.
 
-Each server runs in its own process, as does the other client, which sends as fast as it can. The
-other client reads its responses or ignores them, and reconnects when disconnected. pymodbus answers
-none of its requests, because it drops data that arrive in portions longer than a frame.
+Each server runs in its own process, as does the other client, which sends as fast as it can, reads
+its responses or ignores them, and reconnects when disconnected. pymodbus responds to none of the
+other client's requests, because it drops data that arrive in portions longer than a frame.
 """
 
 import asyncio

@@ -1,8 +1,8 @@
 """How long a tool takes to open (target: 1 s) and to respond to a slider (target: 100 ms).
 
-The time to the first picture is taken in a fresh process; it includes interpreter, imports and
-page, but neither Voila nor a browser; see tools_latency.py. `update` and `figure` are the longest
-times to update and to draw, with every slider at both ends in turn and without cached results.
+The time to the first picture is measured in a new process; it includes interpreter, imports and
+page. tools_latency.py also includes Voila and a browser. `update` and `figure` are the longest
+times to update and to draw, without cached results, with each slider in turn at either end.
 """
 
 import subprocess
@@ -35,7 +35,7 @@ def first_picture(tool):
 
 
 def cases(inputs):
-    """Yield the default inputs, then each slider at both ends."""
+    """Yield changes of inputs: none, then each slider without `at_most` at its low and high end."""
     yield {}
     for name, kind in declared(inputs).items():
         if isinstance(kind, Number | Whole) and not getattr(kind, "at_most", ""):
@@ -43,7 +43,7 @@ def cases(inputs):
 
 
 def forget():
-    """Empty the caches of the tools, so that everything is computed."""
+    """Empty the caches of the tools, so that everything is computed anew."""
     for name, module in sys.modules.copy().items():
         if name.startswith("shipnet.tools."):
             for value in vars(module).values():

@@ -1,11 +1,11 @@
-"""How long the page of a tool takes in a browser to show its first picture, and later pictures.
+"""Measure how long a tool's page takes in a browser to show its first picture and later ones.
 
 After a click on a card, the page shows the picture stored in the notebook, then the tool's own
 picture. Three cases are measured: the tool's kernel is ready before the click; the click starts the
-kernel; and the click comes right after the start of the server. Keys are then pressed on the first
-slider that changes the picture, or on the first button if no slider does, and the time from key
-press to new picture is measured. The CPU time of browser, server and kernel is printed too, because
-it depends little on how busy the machine is.
+kernel; and the click comes right after the start of the server. In the second case, keys are then
+pressed on the first slider that changes the picture, or on the first button if no slider does, and
+the time from key press to new picture is measured. The CPU time of browser, server and kernel is
+printed too, because it depends little on how busy the machine is.
 """
 
 import shutil
@@ -66,7 +66,7 @@ def opened(page, address, tool):
 
 
 def changed(page):
-    """Press keys; return the median time from key to picture, and the CPU time per key [ms]."""
+    """Press keys; return the median time to a new picture, and the CPU time per key press [ms]."""
     page.evaluate(WATCH)
     for fold in page.locator(".jupyter-widget-Collapse-header").all():
         fold.click()
@@ -90,7 +90,7 @@ def changed(page):
 
 @contextmanager
 def server(*options):
-    """Start the server of the tools; yield its address and its log."""
+    """Start the server of the tools; yield its address and the path of its log."""
     with (
         tempfile.TemporaryDirectory() as root,
         redirect_stdout(StringIO()),
@@ -101,7 +101,7 @@ def server(*options):
 
 
 def line(tool, first, live, used):
-    """Return the printed line of a tool."""
+    """Return the line to be printed for a tool."""
     return f"{tool:<20} {first:12.2f} s {live:8.2f} s (cpu {used:4.1f} s)"
 
 
@@ -124,7 +124,7 @@ def main():
                 for tool in tools:
                     page = browser.new_page(viewport={"width": 1280, "height": 1000})
                     said = line(tool, *opened(page, address, tool))
-                    # If kernels are kept ready, Voila is now starting another one.
+                    # If kernels are kept ready, Voila now starts another, so no keys are timed.
                     if options:
                         said += " {:6.0f} ms (cpu {:4.0f} ms)".format(*changed(page))
                     page.close()

@@ -1,4 +1,4 @@
-"""Serve the tools of a folder of notebooks as web pages, on this machine.
+"""Serve the tools in a folder of notebooks as web pages on this machine.
 
     python docs/app.py [folder] [options of Voila]
 
@@ -8,7 +8,7 @@ what Voila would fetch.
 
 A page shows the figure of its card until the tool is ready. Worked examples appear with their
 stored outputs; only the tool and cells without stored outputs are run. Voila keeps a kernel ready
-for each tool (about 100 MB); `--preheat_kernel=False` starts kernels on demand.
+for each tool (about 100 MB each); `--preheat_kernel=False` starts kernels on demand.
 """
 
 from __future__ import annotations
@@ -91,12 +91,12 @@ def build(folder: Path, target: Path) -> Path:
 
 
 def voila(folder: Path, data: Path, *options: str) -> tuple[list[str], dict[str, str]]:
-    """Return the command and environment that run Voila, with the template in `data`."""
+    """Return the command that runs Voila with the template in `data`, and its environment."""
     found = os.environ.get("JUPYTER_PATH")
     environment = os.environ | {"JUPYTER_PATH": os.pathsep.join(filter(None, [str(data), found]))}
     fixed = ("--no-browser", "--theme=light", "--template=shipnet", NOT_NEEDED, *CULL)
     if not any(option.startswith(PREHEAT) for option in options):
-        # The next kernel starts after the page has loaded and its first updates are done.
+        # The delay [s] lets a page load and do its first updates before the next kernel starts.
         fixed += (f"{PREHEAT}=True", "--VoilaKernelManager.fill_delay=5")
     pool = str(ROOT / "docs" / "pool.py")
     return [sys.executable, pool, *fixed, *options, str(folder)], environment

@@ -86,7 +86,7 @@ def papers_table(names: Iterable[str]) -> str:
 
 
 def api_pages(root: Path) -> Iterator[tuple[str, str]]:
-    """Yield (name, text) of the page for shipnet and of one page per package for its public API."""
+    """Yield (name, text) of each API page: one for shipnet, then one for each public package."""
     package = importlib.import_module("shipnet")
     public = {name: getattr(package, name) for name in sorted(dir(package))}
     shown = [name for name, value in public.items() if isinstance(value, types.ModuleType)]
@@ -108,7 +108,7 @@ def api_pages(root: Path) -> Iterator[tuple[str, str]]:
 def _api_page(name: str, seen: set[int], underline: str = "=") -> Iterator[str]:
     """Yield the lines of a package's page: its docstring, its public names, its namespaces.
 
-    An object that two packages export is indexed only once; `seen` has those indexed so far.
+    An object that several packages export is indexed once; `seen` has the ids of indexed objects.
     """
     module = importlib.import_module(name)
     yield from (name, underline * len(name), "", f".. automodule:: {name}")
@@ -147,7 +147,7 @@ def glossary_page() -> str:
 
 
 def ledger_page() -> str:
-    """Return the ledger as a page: counts on top, then a table with an anchor for each claim."""
+    """Return the ledger as a page: counts, then a table per paper with an anchor for each claim."""
     from shipnet.papers import ledger
 
     everything = ledger()
@@ -226,7 +226,7 @@ def tested_page(root: Path) -> str:
     ).replace("<!-- sources -->", _table(["table", "rows", "affected", "limitation"], sources))
 
 
-#: Tables with rows that are not based on the document itself.
+#: Tables with unconfirmed rows: content, file, column, its value if confirmed, limitation.
 UNREAD = [
     (
         "rules for designs",
@@ -252,7 +252,7 @@ def _values(claim: dict[str, Any]) -> tuple[str, str]:
 
 
 def _condition(claim: dict[str, Any]) -> str:
-    """Return the condition under which a verdict holds, unless it holds as printed."""
+    """Return the condition under which a verdict holds, or "" if that is "as printed"."""
     return "" if claim["holds_under"] == "as printed" else claim["holds_under"]
 
 
@@ -370,7 +370,7 @@ def main(root: Path = ROOT, *, stored: bool = False) -> int:
     page = site / "index.html"
     if before != now or not page.is_file():
         print("building the book", flush=True)
-        # Without a stamp, the next run reads every page again, and so repeats its warnings.
+        # Without a stamp, the next run rebuilds all pages and so repeats their warnings.
         stamp.unlink(missing_ok=True)
         vanished = assemble(book, sources(root))
         # A page is rebuilt if its notebook was executed again, even with the same outputs.

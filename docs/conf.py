@@ -39,7 +39,7 @@ _made: dict[str, SandboxedEnvironment] = {}
 docscrape_sphinx.SandboxedEnvironment = lambda loader: _made.setdefault(
     "numpydoc", SandboxedEnvironment(loader=loader)
 )
-smartquotes = False  # {"A", "B"} is code
+smartquotes = False  # True would change the quotes in code such as {"A", "B"}
 toc_object_entries_show_parents = "hide"
 
 html_theme = "furo"

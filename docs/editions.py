@@ -8,7 +8,7 @@
     python docs/editions.py handout             build/handout.zip, for students
 
 A source is a MyST notebook: Markdown with code cells. The students' edition leaves out the
-solutions; the solutions' edition contains only the solved exercises.
+solutions; the solutions' edition contains only the title, the setup and the solved exercises.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ SOLUTION = re.compile(
 )
 EXERCISE = re.compile(r"ex-\d\d-\d+")
 
-#: Pace of a class: words and lines of code per minute, in a second language, including figures and
-#: discussion; minutes per prediction, and per exercise with its text. These values are close to
-#: estimates by reviewers of the lessons; no class was timed.
+#: Pace of a class that reads in a second language, including figures and discussion: words and
+#: lines of code per minute; minutes per prediction, and per exercise with its text. These
+#: values are close to estimates by reviewers of the lessons; no class was timed.
 WORDS, LINES, PREDICTION, TASK = 50, 10, 1, 6
-#: The parts that are homework, and those that are not read in class.
+#: The parts that are homework, and those whose duration is not counted.
 HOME, QUESTIONS, UNREAD = "At home", "**Questions**", ("Words", "References")
 HEADING = re.compile("^## (.+)$", re.MULTILINE)
-#: Placeholder for the time of a lesson in its source.
+#: Placeholder for the duration in the source of a lesson.
 TIME = "{time}"
 
 
@@ -63,7 +63,7 @@ def tags(cell: NotebookNode) -> set[str]:
 
 
 def keys(cell: NotebookNode) -> list[str]:
-    """Return the exercises that a cell belongs to."""
+    """Return the keys of the exercises that a cell belongs to."""
     return sorted(filter(EXERCISE.fullmatch, tags(cell)))
 
 
@@ -115,7 +115,7 @@ class Part:
 
     @property
     def minutes(self) -> float:
-        """Duration in class [min], without homework."""
+        """Duration [min], without the exercises that are marked as homework."""
         if self.tasks:
             return self.tasks * TASK
         return self.words / WORDS + self.lines / LINES + self.predictions * PREDICTION
@@ -143,7 +143,7 @@ def measure(lesson: NotebookNode) -> dict[str, Part]:
 
 
 def minutes_of(parts: dict[str, Part]) -> tuple[int, int]:
-    """Return the minutes of a lesson in class and at home, in steps of 5."""
+    """Return the minutes that a lesson takes in class and at home, rounded to multiples of 5."""
     home = TASK * sum(part.homework for part in parts.values())
     home += sum(part.minutes for name, part in parts.items() if name in (HOME, QUESTIONS))
     away = (HOME, QUESTIONS, *UNREAD)
@@ -159,7 +159,7 @@ def _timed(heading: str, part: Part) -> str:
 
 
 def table(root: Path) -> str:
-    """Return the table of the duration of the lessons, for their README."""
+    """Return the table of the length and duration of each lesson, for the README of the lessons."""
     columns = ("words in class", "words at home", "lines of code", "minutes in class")
     rows = [f"| lesson | {' | '.join(columns)} | minutes at home |", "|---" * 6 + "|"]
     for source in sources(root):
@@ -235,7 +235,7 @@ def same(one: NotebookNode, other: NotebookNode) -> bool:
 
 
 def executed(notebook: NotebookNode) -> bool:
-    """Return whether every code cell except widgets was executed."""
+    """Return whether every code cell was executed, except those tagged `widget`."""
     return all(
         cell.execution_count or "widget" in tags(cell)
         for cell in notebook.cells
@@ -254,7 +254,7 @@ def stale(root: Path, numbers: list[str] | None = None) -> dict[Path, NotebookNo
 
 
 def orphans(root: Path) -> list[Path]:
-    """Return the numbered lessons that have no source."""
+    """Return the notebooks of lessons and of solutions that have no source."""
     known = {source.stem for source in sources(root)}
     folder = root / LESSONS
     found = [*folder.glob("[0-9][0-9]_*.ipynb"), *folder.glob("solutions/*.ipynb")]
@@ -282,7 +282,7 @@ def derive(root: Path, numbers: list[str] | None = None) -> int:
 
 
 def handout(root: Path) -> Path:
-    """Write what students get: all notebooks without solutions, and the files that they link to."""
+    """Write the ZIP file for students: notebooks without solutions, and the files they link to."""
     kept = [
         path
         for path in sorted((root / "notebooks").rglob("*"))

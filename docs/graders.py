@@ -1,6 +1,6 @@
-"""Lessons in the formats of nbgrader and otter, made from the tags of a lesson's source.
+"""Convert the sources of lessons to the formats of nbgrader and otter, using the cells' tags.
 
-Their check cells contain assertions, because both graders count an error as a wrong answer.
+Check cells become assertions, because both graders count an exception as a wrong answer.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ POINTS = 1
 
 
 def write_nbgrader(root: Path, source: Path) -> Path:
-    """Write a lesson as a source of nbgrader, with solutions and graded checks."""
+    """Write a lesson as a source notebook for nbgrader, with solutions and graded checks."""
     lesson = editions.read(source)
     notebook = editions.notebook_of(
         editions.copy_of(cell, _without_raise(cell.source))
@@ -41,7 +41,7 @@ def write_nbgrader(root: Path, source: Path) -> Path:
 
 
 def write_otter(root: Path, source: Path) -> Path:
-    """Write a lesson as a source of `otter assign`."""
+    """Write a lesson as a source notebook for `otter assign`."""
     lesson, cells = editions.read(source), []
     files = f"# ASSIGNMENT CONFIG\nname: lesson {source.stem}\nexport_cell: false\nfiles: []"
     cells.append(new_raw_cell(files))

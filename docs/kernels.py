@@ -1,7 +1,7 @@
 """Kernels forked from a process that has already loaded the libraries, if the system can fork.
 
-Most kernels take longer to load Jupyter, pandas, matplotlib and scipy than their notebook takes to
-compute. A fork has these libraries at once, but must load shipnet; each kernel is its own process.
+Most kernels take longer to load Jupyter, pandas, matplotlib and scipy than to run their notebook.
+A fork has these libraries at once, but must still load shipnet; each kernel is a separate process.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _server() -> Any:
 
 
 def _serve() -> None:
-    """Fork a kernel for each line of the standard input, and print its process id."""
+    """Fork a kernel for each line of standard input; each kernel prints its process id."""
     # On import, pyplot reads this variable, and pandas checks whether it runs in a notebook.
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
     builtins.get_ipython = lambda: SimpleNamespace(kernel=None)

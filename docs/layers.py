@@ -2,8 +2,8 @@
 
     python docs/layers.py        write docs/_static/layers.svg
 
-The layers are those of the first import contract in pyproject.toml. An arrow means that one
-package imports the other, at module level or inside a function.
+The layers are those of the first import contract in pyproject.toml. An arrow from one package
+to another means that the first imports the second, at module level or inside a function.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#5
 
 
 def layers(root: Path = ROOT) -> list[list[str]]:
-    """Return the packages and modules of each layer, the highest first; the base is one layer."""
+    """Return the names in each layer, from top to bottom; all base modules form one layer."""
     contracts = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]
     listed = contracts["contracts"][0]["layers"]
     named = [[name.strip().removeprefix("shipnet.") for name in row.split("|")] for row in listed]
@@ -52,7 +52,7 @@ def imports(root: Path = ROOT) -> set[tuple[str, str]]:
 
 
 def draw(root: Path = ROOT, picture: Path = PICTURE) -> None:
-    """Write the picture, without arrows from the two top layers, which may use all others."""
+    """Write the picture, without arrows from the two top layers, which may import any lower one."""
     import matplotlib
     import matplotlib.pyplot as plt
 

@@ -57,13 +57,13 @@ class Executed:
 
 
 def find(root: Path) -> list[Path]:
-    """Return every notebook of the suite, sorted."""
+    """Return the paths of all notebooks, sorted."""
     found = (root / "notebooks").rglob("*.ipynb")
     return sorted(path for path in found if not DERIVED & set(path.parts))
 
 
 def fingerprint(root: Path, inputs: Iterable[str | Path]) -> str:
-    """Return a digest of the names, sizes and times of the files in and under `inputs`."""
+    """Return a digest of the names, sizes and times of the files in `inputs` (files or folders)."""
     files: set[Path] = set()
     for path in (root / name for name in inputs):
         files.update(path.rglob("*") if path.is_dir() else [path])
@@ -99,7 +99,7 @@ def stable(notebook: NotebookNode) -> str:
 
 
 def small(picture: str) -> str:
-    """Return a PNG file in base64 with 256 colours: it looks the same at a third of the size."""
+    """Reduce a base64 PNG file to 256 colours, so that it looks the same at a third of the size."""
     image = Image.open(BytesIO(b64decode(picture))).convert("RGB")
     file = BytesIO()
     for method in (Image.Quantize.FASTOCTREE, Image.Quantize.MAXCOVERAGE):
@@ -216,7 +216,7 @@ def run(root: Path, *, stored: bool = False) -> int:
 
 
 def store(root: Path, paths: list[Path], *, accept: bool) -> int:
-    """Print what executing the notebooks changes, store it if accepted, and return an exit code."""
+    """Execute notebooks and print the changes; if `accept`, store them. Return the exit code."""
     code = 0
     for done in sorted(execute_all(root, paths or find(root)), key=lambda done: done.path):
         name = done.path.relative_to(root).as_posix()
@@ -283,7 +283,7 @@ def _parts(outputs: list[NotebookNode]) -> tuple[str, list[str], list[str]]:
 
 
 def _text_changes(old: str, new: str) -> list[str]:
-    # A number with one more digit also shifts its column, so compare the words.
+    # A number with one more digit can also change the spacing, so compare the words.
     if NUMBER.sub("#", old).split() == NUMBER.sub("#", new).split():
         pairs = zip(NUMBER.findall(old), NUMBER.findall(new), strict=True)
         moved = [f"{was} -> {now}" for was, now in pairs if was != now]
@@ -293,7 +293,7 @@ def _text_changes(old: str, new: str) -> list[str]:
 
 
 def affected(root: Path, files: Iterable[str]) -> list[Path]:
-    """Return the notebooks whose outputs these files can affect, judged by their imports."""
+    """Return the notebooks that these files can affect, judged by imports and data file names."""
     named = [Path(file) for file in files]
     modules = {_module(file) for file in named if file.parts[0] == "shipnet"}
     # Code gives a data file's full name, or only the part that follows the paper's key.

@@ -2,9 +2,9 @@
 
     python docs/pool.py [arguments of Voila]
 
-If all kernels started at once, the first visitor would wait for all of them. If the
-pool has not begun to start the kernel of a page, the page gets its own kernel, and the pool waits
-until that page has loaded.
+If all kernels started at once, the first visitor would wait for all of them. If a page is requested
+before the pool has begun to start a kernel for it, the page gets its own kernel, and the pool
+pauses for Voila's `fill_delay`, so that the page can load.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
     python docs/renew.py
 
-It rewrites the checksums in data/SOURCES.md, the counts in README.md, and the number of claims
-that a model judges in tests/papers/expected_ledger.json, which may only grow. It prints what it
-changed.
+This script rewrites the checksums in data/SOURCES.md, the counts in README.md and, for each paper,
+the number of claims that a model judges in tests/papers/expected_ledger.json. This number may only
+grow. The script prints the names of the files that it changed.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Write the slides of a lesson as one file that contains everything and needs no network.
+"""Write the slides of a lesson as one self-contained file that needs no network.
 
-A heading of level 2 begins a column; other text and the questions begin slides below it. The
-result of a prediction is on the next slide, and each exercise has its own slide. Figures, the
+A heading of level 2 begins a column of slides; other text and the questions begin slides below it.
+The result of a prediction is on the next slide, and each exercise has its own slide. Figures, the
 glossary and the output of more than eight lines of code are shown without the code; widgets are
 left out. The speaker view (key S) shows the minutes of each slide and the solutions. In the
 browser, slides_template/fit.js fits figures to the remaining space and splits slides that are too
@@ -121,7 +121,7 @@ def add_notes(notebook: NotebookNode, lesson: NotebookNode) -> None:
             notes = ["For reference; not read in class."]
         else:
             end = begin + sum(part.minutes for part in parts.values())
-            notes = [f"Minute {begin:.0f} to {end:.0f}."]
+            notes = [f"Minutes {begin:.0f} to {end:.0f}."]
             begin = end
         if any("**Predict" in cell.source for cell in group):
             notes.append("Let the class predict before you show the next slide.")

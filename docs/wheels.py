@@ -2,7 +2,7 @@
 
     make wheels [SYSTEM=linux|windows|macos [PYTHON=3.12]]
 
-The wheels have the versions of the lock file and are checked by hash. By default they are for the
+The wheels have the versions in the lock file and are checked by hash. By default they are for the
 system and the Python version that run this command. Only this command needs a network.
 """
 
@@ -30,7 +30,7 @@ In a terminal, in the folder that contains this folder "wheels":
     {bin}python -m pip install --no-index --find-links wheels "shipnet[notebooks]"
     {bin}jupyter lab
 
-Copy notebooks/lessons beside it; for students, leave out solutions/, source/ and teaching/.
+Copy notebooks/lessons next to "wheels"; for students, omit solutions/, source/ and teaching/.
 """
 
 
@@ -53,7 +53,7 @@ def readme(system: str, python: str) -> str:
 
 
 def commands(uv: str, folder: Path, system: str, python: str) -> list[list[str]]:
-    """Return the commands that resolve, fetch and build the wheels."""
+    """Return the commands that choose the versions, download the wheels and build shipnet's own."""
     listed = str(folder / "requirements.txt")
     tags = [part for tag in TAGS[system] for part in ("--platform", tag)]
     return [

@@ -131,7 +131,7 @@ def _decode(arguments: argparse.Namespace) -> Answer:
 def _answer(
     found: Any, numbers: Mapping[str, tuple[float, str]], text: str = "", **tables: pd.DataFrame
 ) -> Answer:
-    """Return an answer; its text is `text`, by default the verdict, and the non-empty tables."""
+    """Return an Answer with `text` (default: the verdict) and the non-empty tables as its text."""
     look: dict[str, Any] = {"index": False, "na_rep": "-", "max_rows": _ROWS}
     blocks = [
         f"{name.replace('_', ' ')}:\n"
@@ -246,7 +246,7 @@ def _design(arguments: argparse.Namespace) -> Answer | None:
 def _serve(arguments: argparse.Namespace) -> None:
     from shipnet.fields import check_scalar, check_whole
 
-    # The models and the library load slowly, so arguments that need neither are checked first.
+    # The models and pymodbus load slowly, so arguments that need neither are checked first.
     engine = arguments.device == "engine"
     if arguments.udp and arguments.serial is not None:
         raise ArgumentError("--udp and --serial cannot be combined")
@@ -265,7 +265,7 @@ def _serve(arguments: argparse.Namespace) -> None:
     from shipnet.modbus.uart import SerialLine
     from shipnet.modbus.wire import WireFault
 
-    # Faults are reported in one line, so the library's log is silenced.
+    # Errors are reported in one line, so pymodbus's own log is silenced.
     logging.getLogger("pymodbus").addHandler(logging.NullHandler())
     where = f"{arguments.host}, port {{}} (TCP)"
     options: dict[str, Any] = {"host": arguments.host, "port": arguments.port}
@@ -283,7 +283,7 @@ def _serve(arguments: argparse.Namespace) -> None:
         from shipnet.engine.serving import serve as serve_engine
         from shipnet.engine.system import System
 
-        system, units = System(), f"unit ids 2 and 3, faults on {FAULT_UNIT}"
+        system, units = System(), f"unit ids 2 and 3, and {FAULT_UNIT} for faults"
         broken = [parse_fault(system, words) for words in arguments.fault]
         server = serve_engine(system, faults=broken, **options)
     else:
@@ -350,7 +350,7 @@ def _parser() -> argparse.ArgumentParser:
 
     parser = argparse.ArgumentParser(
         prog="shipnet",
-        description="Simulate and design field buses of ships, and recompute papers on them.",
+        description="Simulate and design field buses of ships, and check papers about them.",
         epilog="example: shipnet ledger kim2023",
     )
     parser.add_argument("--version", action="version", version=f"shipnet {__version__}")
@@ -419,8 +419,8 @@ def _run(arguments: argparse.Namespace) -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
-    The code is 0 if the result is good, 1 if it is bad, 2 after a user error, and 130 after an
-    interrupt. A user error is printed to standard error, with one line per fault in a file.
+    The code is 1 if the result is bad, 2 after a user error, 130 after an interrupt, and otherwise
+    0. A user error is printed to standard error, with one line per fault in a file.
     """
     parsed = _parser().parse_args(arguments)
     try:

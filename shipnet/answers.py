@@ -22,8 +22,8 @@ VERDICTS = ("met", "violated", "not verified")
 class Findings:
     """The findings of a check, one row per rule and object, with the columns `COLUMNS`.
 
-    `low` and `high` are the limits, NaN if there is none. An optional bool column `graded` is True
-    for met rules that have a margin.
+    `low` and `high` are the limits, NaN if there is none. An optional bool column `graded` is False
+    for rules that have no margin when they are met.
     """
 
     def __init__(self, table: pd.DataFrame) -> None:
@@ -52,11 +52,11 @@ class Findings:
         return self._table.copy()
 
     def worst(self) -> pd.DataFrame:
-        """Return the worst row of each rule, in order of margin.
+        """Return the worst row of each rule, smallest margin first.
 
-        The `margin` is the relative distance to the limit, negative beyond it. It is NaN if a rule
-        has no numeric value, or is met but not graded; such rows come last if the rule is met, and
-        first otherwise.
+        The `margin` is the relative distance to the nearer limit, negative beyond it. It is NaN if
+        a rule has no numeric value, or is met but not graded; rows without a margin come last if
+        the rule is met, and first otherwise.
         """
         import numpy as np
 
@@ -125,10 +125,10 @@ class Utilisation(NamedTuple):
     capacity_used : float
         The larger of two fractions: addresses or stations in use, and time in use. Above 1, the bus
         is overloaded. The time in use is the bus time on CAN; with a polling master, it is the
-        interval between two polls of a point divided by its required update period.
+        longest interval between two updates of a point divided by its required update period.
     worst_response : float
         Longest time from a change at a point until the host has the new value [s], including the
-        wait for the next poll, or on CAN for the next period of the message.
+        wait for the next poll or, on CAN, for the next frame of the message.
     """
 
     bus_time: float
@@ -143,7 +143,7 @@ class Utilisation(NamedTuple):
         )
 
 
-#: Suffixes of the files in which every result can be saved; no suffix means a folder.
+#: Suffixes of the formats in which every result can be saved; no suffix means a folder.
 FORMS = (".csv", ".xlsx", ".json", ".png", ".svg")
 
 
@@ -164,7 +164,7 @@ class Answer(NamedTuple):
     forms: Mapping[str, Callable[[str], object]] = {}
 
     def json(self, command: str) -> str:
-        """Return the result of a command as JSON, with numbers in SI units."""
+        """Return the result as JSON, `numbers` with their units; NaN and infinity become null."""
         from shipnet import __version__
 
         data = {
@@ -207,7 +207,7 @@ def _rows(table: pd.DataFrame) -> Any:
 
 
 def check_output(file: str, forms: Sequence[str]) -> None:
-    """Before a long computation, raise ArgumentError if its result could not be saved to `file`."""
+    """Raise ArgumentError if `file` has a suffix not in `forms`, or if its folder is missing."""
     if Path(file).suffix.lower() not in ("", *forms):
         raise ArgumentError(
             f"-o is {file!r}; its suffix must be one of {', '.join(forms)}, or none for a folder"

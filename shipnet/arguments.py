@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 class _Rule(NamedTuple):
-    """A type's legal values: a test before the call, a description, a test after a failed call."""
+    """A type's legal values: `test` runs before a call, `after` (if given) after a failed call."""
 
     test: Callable[[Any], bool]
     legal: str
@@ -33,9 +33,9 @@ class _Rule(NamedTuple):
 def checked(made: T) -> T:
     """Make a function, or a class's public methods, check arguments against their annotations.
 
-    Functions check numbers themselves, because they know the ranges. If a function fails without
-    naming an argument, the error names the first argument of a wrong type. Declared fields have
-    their own checks.
+    Numbers are not checked before the call, because the function itself checks their ranges. If it
+    fails without naming an argument, an ArgumentError names the first illegal one, if any. Declared
+    fields have their own checks.
     """
     if not isinstance(made, type):
         return _checked(made, ())  # type: ignore[no-any-return] # it is called as before
@@ -140,7 +140,7 @@ def _rules(annotation: Any, scope: dict[str, Any]) -> list[_Rule]:
 
 
 def _parts(annotation: Any, scope: dict[str, Any]) -> Iterator[Any]:
-    """Yield the types of a union; a type that is imported only by type checkers becomes Any."""
+    """Yield the types of a union; a type whose name cannot be resolved becomes Any."""
     if isinstance(annotation, str):
         parts, depth = [""], 0
         for sign in annotation.strip(" '\""):
@@ -224,7 +224,7 @@ def _collection(kind: type, name: str, within: list[_Rule]) -> _Rule:
             parts = {type(part): part for part in parts}.values()
         return not within or all(_met(within, part, failed) for part in parts)
 
-    legal = f"{name} with {_legal(within)} each" if within else name
+    legal = f"{name} in which each value is {_legal(within)}" if within else name
     return _Rule(test, legal, lambda value: test(value, True), plain, within)
 
 

@@ -1,4 +1,4 @@
-"""Names for types of arrays, and functions that read long arrays in parts."""
+"""Type aliases for arrays, and functions that read long arrays in parts."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Words: TypeAlias = npt.NDArray[np.uint16]
 
 
 def parts_of(u: Floats, length: int = 2**20) -> Iterator[tuple[int, Floats]]:
-    """Yield parts of an array and their offsets; a mapped file is in memory one part at a time."""
+    """Yield the offset and values of each part; a mapped file is in memory one part at a time."""
     for low in range(0, len(u), length):
         yield low, u[low : low + length]
         release(u)
 
 
 def release(u: npt.NDArray[np.generic]) -> None:
-    """Release the memory of a mapped file's pages that were read; do nothing for other arrays."""
+    """Release the memory of the pages read from a mapped file; do nothing for other arrays."""
     base: object = u
     while isinstance(base, np.ndarray):
         base = base.base

@@ -19,7 +19,7 @@ def nanoseconds(time: float) -> int:
 
 @record
 class Fault:
-    """A fault that begins and ends, the base of each package's faults."""
+    """Base class of faults that begin and end."""
 
     start: float = number(0, 1e9, "s", "Start of the fault", default=0.0, kw_only=True)
     stop: float = number(0, inf, "s", "End of the fault, after `start`", default=inf, kw_only=True)
@@ -37,7 +37,7 @@ class Fault:
 
 
 def as_faults(faults: Any, *kinds: type) -> tuple[Any, ...]:
-    """Return one or more faults as a tuple, or raise if one is not of the `kinds`."""
+    """Return one or more faults as a tuple; raise ArgumentError if any is not of the `kinds`."""
     kinds = kinds or (Fault,)
     known = ", ".join(sorted(kind.__name__ for kind in kinds))
     try:

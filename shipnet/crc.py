@@ -1,6 +1,6 @@
 """Cyclic redundancy checks of one message, or of many at once.
 
-With a table of 256 entries, the register is shifted by whole bytes. In a reflected algorithm the
+The register is shifted one byte at a time with a table of 256 entries. In a reflected algorithm the
 lowest bit of a byte comes first, and the register is shifted right instead of left.
 """
 
@@ -22,7 +22,7 @@ __all__ = ["CAN", "MODBUS", "Crc"]
 class Crc:
     """A cyclic redundancy check, with the parameters of G. Cook's catalogue.
 
-    The polynomial omits its highest term.
+    `polynomial` is given without its highest term.
 
     >>> hex(MODBUS.of(b"123456789"))
     '0x4b37'
@@ -66,7 +66,7 @@ class Crc:
         """Return the check value of bytes, of bits in the order sent, or of each row of an array.
 
         Bits are a str of 0 and 1; an array has shape (..., n_bytes). If the register starts at 0,
-        as for CAN, leading zeros do not count, so rows may be padded at the front.
+        as for CAN, leading zeros do not change the result, so rows may be padded with them.
 
         >>> CAN.of("0" + f"{0x7C0:011b}" + "0000001" + f"{0x7D:08b}")
         30
@@ -79,7 +79,7 @@ class Crc:
         if isinstance(data, str):
             if odd := set(data) - set("01"):
                 raise SymbolError(f"data contains {min(odd)!r}; bits must be 0 or 1")
-            # The bits in excess of whole bytes are shifted first, so that the rest are whole bytes.
+            # The first len(data) % 8 bits are shifted one by one, so that whole bytes remain.
             whole = len(data) % 8
             for bit in data[:whole]:
                 register = self._shifted(register, int(bit))
@@ -113,12 +113,12 @@ class Crc:
         return checks
 
     def undetected(self, payload: int = 6, flips: int = 2) -> int:
-        """Return the number of patterns of one or two wrong bits that the check does not detect.
+        """Return how many patterns of `flips` (1 or 2) wrong bits the check does not detect.
 
-        All bits of the payload (1..16 bytes) and of the CRC are tried. On CAN these are the bits
-        before stuffing: on the wire, two wrong bits can shift all bits between two stuff bits.
+        Any bits of the payload (1..16 bytes) and of the CRC may be wrong. On CAN these are the bits
+        before stuffing: on the wire, two wrong bits can change stuff bits and shift all in between.
 
-        The 64 single and 2016 double errors of a request of 8 bytes:
+        All 64 single and 2016 double errors in a request of 8 bytes are detected:
 
         >>> [MODBUS.undetected(flips=n) for n in (1, 2)]
         [0, 0]
@@ -132,8 +132,8 @@ class Crc:
     def syndromes(self, n_bytes: int) -> npt.NDArray[np.int64]:
         """Return how each single wrong bit in a message and its CRC changes the check value.
 
-        The changes due to several wrong bits add modulo 2. The bits of the `n_bytes` come first,
-        then those of the CRC, lowest first.
+        The effect of several wrong bits is the XOR of their changes. The bits of the message come
+        first, highest bit of each byte first; then those of the CRC, lowest first.
         """
         size = check_whole("n_bytes", n_bytes, 0, 4096)
         flips = np.packbits(np.eye(8 * size, dtype=np.uint8), axis=1)

@@ -55,7 +55,7 @@ def path(name: str) -> Path:
     Raises
     ------
     ArgumentError
-        If there is no such file; the message names the most similar names.
+        If there is no such file; the message suggests the most similar names.
 
     Examples
     --------
@@ -70,7 +70,7 @@ def path(name: str) -> Path:
 
 @checked
 def read(name: str) -> pd.DataFrame:
-    """Return a table from the data files as text; empty cells become empty strings.
+    """Return a data file as a table of strings; empty cells become empty strings.
 
     Nothing is converted, because a printed ``0.40`` is not ``0.4`` and ``03`` is not 3.
 

@@ -18,7 +18,7 @@ __all__ = [
 #: Maximum length of a fault, a message and a quoted value [characters]; the middle is cut out.
 _FAULT, _MESSAGE, _QUOTED = 300, 3000, 80
 
-#: A value that a message quotes.
+#: A quoted value of at least 80 characters.
 _VALUE = re.compile(r"(?<![\w'])'[^']{80,}'|(?<![\w\"])\"[^\"]{80,}\"")
 
 
@@ -30,7 +30,7 @@ def _without_middle(text: str, most: int) -> str:
 
 
 def _short(text: str) -> str:
-    """Return a message with at most 300 characters for each of its faults."""
+    """Return a message shortened to at most 300 characters per fault and 3000 in all."""
     text = _VALUE.sub(lambda found: _without_middle(found[0], _QUOTED), text)
     faults = [_without_middle(fault, _FAULT) for fault in text.split("; ")]
     return _without_middle("; ".join(faults), _MESSAGE)
@@ -50,7 +50,7 @@ class FrameError(ValueError):
 
 
 class LengthError(FrameError, code=1):
-    """The frame has too few or too many bits."""
+    """The frame is too short or too long."""
 
 
 class SymbolError(FrameError, code=2):
@@ -58,7 +58,7 @@ class SymbolError(FrameError, code=2):
 
 
 class StartBitError(FrameError, code=3):
-    """The first bit of a telegram is not 0."""
+    """The first bit of a telegram or frame is not 0."""
 
 
 class EndBitError(FrameError, code=4):
@@ -66,11 +66,11 @@ class EndBitError(FrameError, code=4):
 
 
 class ParityError(FrameError, code=5):
-    """The number of ones, parity bit included, is odd."""
+    """The parity bit does not match the bits that it protects."""
 
 
 class UnknownCallError(FrameError, code=6):
-    """The bits are correct, but no call of the standard has this pattern."""
+    """The call or function code is unknown."""
 
 
 class AlternationError(FrameError, code=8):
@@ -94,7 +94,7 @@ class StuffError(FrameError, code=12):
 
 
 class FormError(FrameError, code=13):
-    """A bit whose value the format fixes has the other value."""
+    """A bit has a value that the format does not allow there."""
 
 
 class CrcError(FrameError, code=14):
@@ -106,7 +106,7 @@ class AcknowledgeError(FrameError, code=15):
 
 
 class FieldError(FrameError, code=16):
-    """A field has a value that the standard does not allow; the message names the field."""
+    """A field has a value that is not allowed; the message names the field."""
 
 
 class MismatchError(FrameError, code=17):
@@ -114,7 +114,7 @@ class MismatchError(FrameError, code=17):
 
 
 class ArgumentError(ValueError):
-    """An argument is illegal; the message gives its name, its value and the legal range."""
+    """An argument is illegal; the message gives its name, its value and the legal values."""
 
     code = 7
 
@@ -130,16 +130,16 @@ class InputError(ValueError):
     file : str
         The file as the user named it.
     *faults : str
-        The faults, each with its row and column if it has one, and what was expected.
+        The faults, each with its row and column, if any, and with what was expected.
     more : int, default 0
-        Number of further faults.
+        Number of further faults, which are only counted.
 
     Examples
     --------
     >>> print(InputError("scope.csv", "row 7, column 2: 'x' is not a number", "row 9 is empty"))
     scope.csv: row 7, column 2: 'x' is not a number; row 9 is empty
 
-    The message contains the first ten; faults that differ only in their rows count as one:
+    The message contains the first ten faults; those that differ only in their rows count as one:
 
     >>> print(InputError("list.csv", *(f"row {n}, column y: is empty" for n in (2, 3, 4, 9))))
     list.csv: rows 2 to 4 and 9, column y: is empty
@@ -155,10 +155,10 @@ class InputError(ValueError):
         self.more = more
 
     def lines(self, most: int | None = None) -> list[str]:
-        """Return up to `most` groups of faults, one per line, and the number of remaining faults.
+        """Return one line per group of faults, and a last line that counts any other faults.
 
-        The faults of a group differ only in their rows and in the first value that they quote. With
-        `most`, a line has at most 300 characters.
+        The faults of a group differ only in their rows and in the first value that they quote. At
+        most `most` groups have a line, of up to 300 characters; None gives all groups in full.
         """
         groups = self._groups(most is not None)
         if most is None:
@@ -194,7 +194,7 @@ _PLACED = re.compile(
     r"(row|line) (\d{1,9})([,:].*)", re.DOTALL,
 )  # fmt: skip
 
-#: Maximum number of runs of rows, and of different values, in a message.
+#: How many runs of rows, and how many values, a group of faults lists before "... more".
 _RUNS, _VALUES = 5, 5
 
 
@@ -204,7 +204,7 @@ def _joined(parts: Sequence[str]) -> str:
 
 
 def listed(numbers: Iterable[int], runs_shown: int | None = _RUNS) -> str:
-    """Return row numbers as text that follows "row": `` 3``, ``s 2 to 9 and 12``."""
+    """Return row numbers as text to append to "row", such as `` 3`` or ``s 2 to 9 and 12``."""
     runs: list[list[int]] = []
     for number in sorted(set(numbers)):
         if runs and number == runs[-1][-1] + 1:
@@ -223,7 +223,7 @@ _NAMES[ArgumentError.code] = ArgumentError.__name__
 
 
 def name_of(code: int) -> str:
-    """Return the name of the error class for a batch code, or ``"ok"`` for 0.
+    """Return the name of the error class with this code, or ``"ok"`` for 0.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Fields that declare their range, unit and meaning in one place.
 
 The check, its error text, the documentation, the settings file and the widget are derived from the
-declaration. The functions ``check_...`` check one argument in the same way.
+declaration. The functions ``check_...`` check single arguments and raise errors of the same form.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def check_scalar(what: str, value: Any, unit: str, low: float, high: float) -> f
 
 
 def check_trees(what: str, known: int | None, *values: Quantity | None) -> int | None:
-    """Return how many Monte Carlo trees the values describe, None if all are single numbers."""
+    """Return how many Monte Carlo trees `values` describe, or `known` if none is an array."""
     for value in values:
         if value is not None and not isinstance(value, float):
             if known is not None and len(value) != known:
@@ -115,7 +115,7 @@ def check_kind(name: str, value: Any, kind: type[T]) -> T:
 
 
 def check_rng(rng: Any) -> np.random.Generator:
-    """Return the generator that `numpy.random.default_rng` makes from `rng`, or raise."""
+    """Return `numpy.random.default_rng(rng)`, or raise ArgumentError if `rng` is illegal."""
     import numpy as np  # slow to import, and rarely needed here
 
     try:
@@ -148,11 +148,11 @@ class Kind:
         raise NotImplementedError
 
     def check(self, name: str, value: Any, record: Any) -> Any:
-        """Return the value as it is stored, or raise ArgumentError if it is illegal."""
+        """Return the value to be stored, or raise ArgumentError if the given value is illegal."""
         return value if self.optional and value is None else self._check(name, value, record)
 
     def check_shown(self, name: str, value: Any) -> None:
-        """Raise ArgumentError if the control cannot show this legal value."""
+        """Raise ArgumentError if the control cannot show the value, although it is legal."""
 
     def _check(self, name: str, value: Any, record: Any) -> Any:
         raise NotImplementedError
@@ -189,7 +189,7 @@ class Number(Kind):
         return float(value)
 
     def check_shown(self, name: str, value: Any) -> None:
-        """Raise ArgumentError if the slider does not reach the value."""
+        """Raise ArgumentError if the value is outside the range of the slider."""
         self._within(name, value, True, *self.shown, "its slider shows")
 
     def _within(
@@ -203,7 +203,7 @@ class Number(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class Whole(Kind):
-    """A whole number, limited by the earlier field `at_most`; if `typed`, it has no slider."""
+    """A whole number, without a slider if `typed`; an earlier field, `at_most`, may limit it."""
 
     low: int
     high: int
@@ -224,7 +224,7 @@ class Whole(Kind):
         return check_whole(name, value, self.low, min(self.high, other), why)
 
     def check_shown(self, name: str, value: Any) -> None:
-        """Raise ArgumentError if the slider does not reach the value."""
+        """Raise ArgumentError if the value is outside the range of the slider."""
         low, high = self.shown
         if not low <= value <= high:
             raise ArgumentError(f"{name} is {value}; its slider shows {low}..{high}")
@@ -263,7 +263,7 @@ class Switch(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class Text(Kind):
-    """Text of up to `most` characters in `rows` lines; an empty control shows the `hint`."""
+    """Text of up to `most` characters; its control has `rows` lines, and shows `hint` if empty."""
 
     most: int = 200
     rows: int = 1
@@ -291,8 +291,8 @@ class Series(Kind):
 
     @property
     def legal(self) -> str:
-        """The legal strings, and the maximum length, in words."""
-        return f"up to {self.most} of {', '.join(map(repr, self.known))}"
+        """The legal strings and their maximum number, in words."""
+        return f"up to {self.most} values, each one of {', '.join(map(repr, self.known))}"
 
     def _check(self, name: str, value: Any, record: Any) -> tuple[str, ...]:
         if not isinstance(value, tuple):
@@ -307,7 +307,7 @@ class Series(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class Part(Kind):
-    """An object of the class `of`, which checks itself; `make` converts other values to it."""
+    """An object of the class `of`; `make`, if given, makes one from a value of another class."""
 
     of: type
     make: Callable[[Any], Any] | None = None
@@ -335,7 +335,7 @@ def _declare(
     kw_only: bool = False,
     **declares: Any,
 ) -> Any:
-    """Return a dataclass field of the kind `of`, declared by these values."""
+    """Return a dataclass field with a declaration of the class `of`, made from `declares`."""
     metadata = {"kind": of(**declares)}
     return field(
         default=default, default_factory=default_factory, kw_only=kw_only, metadata=metadata
@@ -355,7 +355,7 @@ def _ranged(
     return _declare(of, low=low, high=high, unit=unit, help=help, shown=shown, **options)
 
 
-# The options of each function are the fields of its kind and those of `_declare`.
+# Each function also takes the attributes of its kind and the keyword arguments of `_declare`.
 
 
 def number(low: float, high: float, unit: str = "", help: str = "", **options: Any) -> Any:
@@ -391,7 +391,7 @@ def series(known: Iterable[str], **options: Any) -> Any:
 
 
 def part(of: type, help: str = "", **options: Any) -> Any:
-    """Declare an object of the class `of`, a `Part`."""
+    """Declare a `Part`: an object of the class `of`."""
     return _declare(Part, of=of, help=help, **options)
 
 
@@ -410,7 +410,7 @@ def _declared(kind: type) -> tuple[tuple[str, Kind], ...]:
 
 
 def check(made: Any) -> None:
-    """Check the declared fields of a dataclass instance, and store the values as checked."""
+    """Check the declared fields of a dataclass instance; store the values the checks return."""
     for name, kind in _declared(type(made)):  # type: ignore[arg-type] # a class is hashable
         given = getattr(made, name)
         value = kind.check(name, given, made)
@@ -434,7 +434,7 @@ def record(
 def record(kind: type[T] | None = None, /, **options: bool) -> Any:
     """Make a frozen dataclass that checks its declared fields before its own ``__post_init__``.
 
-    The docstring gets the sections Parameters and Raises from the declarations unless it has them.
+    A docstring without a Parameters section gets one, and Raises if missing, from the declarations.
     """
 
     def make(kind: type[T]) -> type[T]:

@@ -1,6 +1,6 @@
 """Exact confidence intervals for counted events: fractions of trials, and rates.
 
-They use `scipy.special`, because `scipy.stats` takes a second to load.
+They are computed with `scipy.special`, because `scipy.stats` takes a second to load.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def share_interval(
 def event_interval(
     events: npt.ArrayLike, exposure: npt.ArrayLike, *, confidence: float = 0.95
 ) -> tuple[Floats, Floats]:
-    """Return the interval for the rate of independent events, per unit of the `exposure`.
+    """Return the interval for the rate of independent events per unit of `exposure`.
 
     F. Garwood, "Fiducial limits for the Poisson distribution", Biometrika 28 (1936), 437-442.
     """

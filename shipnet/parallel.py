@@ -30,10 +30,10 @@ from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.fields import check_whole
 
-#: Time that processes must save before they are started, and duration of a chunk of tasks [s].
+#: Time saving that justifies starting processes, and duration of a chunk of tasks [s].
 _WORTHWHILE, _CHUNK = 4.0, 1.0
 
-#: Consecutive losses of workers, without a result between them, that end the computation.
+#: Number of consecutive losses of workers, without a result in between, that ends the computation.
 _MOST_LOSSES = 5
 
 #: Time-out for connecting to a scheduler, and delay of the progress bar [s].
@@ -75,12 +75,12 @@ def compute(
     Parameters
     ----------
     function : callable
-        Called as ``function(task)``, or as ``function(task, rng)`` if there is a seed. With a
-        `folder`, it must be importable, so it cannot be a lambda.
+        Called as ``function(task)``, or as ``function(task, rng)`` if there is a seed. If a
+        `folder` is given, the function must be importable, so it cannot be a lambda.
     tasks : iterable
-        The arguments of the calls.
+        The tasks; each is the argument of one call.
     seed : int, optional
-        Seed, 0..2^63 - 1; each task gets a random generator that depends on it and the task number.
+        Seed, 0..2^63 - 1; each task gets a random generator made from the seed and the task number.
     client : None, int, str or distributed.Client, optional
         Where the tasks run: 1 for this process, 2..1024 for that many processes, the address of a
         Dask scheduler, or its client. By default, tasks run in this process, then in one process
@@ -103,7 +103,7 @@ def compute(
         If an argument is out of its range, no scheduler responds, or a result cannot be stored in
         the folder. An error in the function gets a note that names the task.
     InputError
-        If the folder contains the results of other tasks, or cannot be written.
+        If the folder contains the results of other tasks, or cannot be written to.
     ImportError
         If processes or Dask are requested but their packages are not installed.
     ConnectionError
@@ -115,7 +115,7 @@ def compute(
     -----
     Another worker takes over the tasks of a lost worker. Results are identical bit for bit with the
     same version of numpy on processors of the same kind. Each worker should use one thread for
-    linear algebra: processes started here, and Dask's own workers, have ``OMP_NUM_THREADS=1``.
+    linear algebra: processes started here have ``OMP_NUM_THREADS=1``, as do Dask's own by default.
 
     Examples
     --------
@@ -161,7 +161,7 @@ def compute(
 def _run(
     function: Callable[..., Any], seed: int | None, indices: Sequence[int], jobs: Sequence[Any]
 ) -> tuple[list[Any], float]:
-    """Return the results of a chunk of tasks and its duration; this runs in the worker."""
+    """Compute a chunk of tasks in this process; return the results and the time taken [s]."""
     import numpy as np
 
     begin, results = perf_counter(), []
@@ -177,7 +177,7 @@ def _run(
 
 
 def _checked(client: Any, stack: ExitStack) -> Any:
-    """Return where to run: None, a number of processes, or a client of Dask."""
+    """Return where to run: None for the default, a number of processes, or a Dask client."""
     if client is None or hasattr(client, "get_executor"):
         return client
     if isinstance(client, str):
@@ -196,7 +196,7 @@ def _checked(client: Any, stack: ExitStack) -> Any:
 
 
 def _processes_for(left: float, function: Callable[..., Any]) -> int | None:
-    """Return how many processes to start for work of this duration [s], or None."""
+    """Return how many processes to start for `left` seconds of work, or None to start none."""
     if left < _WORTHWHILE or current_process().daemon:
         return None
     try:
@@ -307,7 +307,7 @@ class _Folder:
             raise InputError(str(folder), f"cannot be used: {problem.strerror}") from problem
 
     def add(self, new: dict[int, Any]) -> dict[int, Any]:
-        """Add results, write them every second, and return them as if read from the file."""
+        """Add results and return them as if read back from a file; save at most once per second."""
         try:
             text = json.dumps({str(index): value for index, value in new.items()})
         except (TypeError, ValueError) as problem:
@@ -322,7 +322,7 @@ class _Folder:
         return read
 
     def save(self, check: bool = False) -> None:
-        """Write new results or, with `check`, at least test whether the folder is writable."""
+        """Write new results; `check` writes a file even if there are none, to test the folder."""
         if not self._new and not check:
             return
         text = json.dumps({"study": self._mark, "results": self._new})
@@ -346,7 +346,7 @@ def _fingerprint(what: object) -> str:
         pickler.dump(what)
     except Exception as problem:
         raise ArgumentError(
-            f"with a folder, pickle must be able to store function and tasks: {problem}"
+            f"with a folder, pickle must be able to store the function and tasks: {problem}"
         ) from None
     return digest.hexdigest()
 
@@ -362,7 +362,7 @@ def save_whole(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def teller(progress: bool | Progress | None) -> Progress:
-    """Return a function that shows progress as a bar, by default on a terminal after 2 s."""
+    """Return the function that reports progress; `progress` is as in `compute`."""
     if callable(progress):
         return progress
     start = perf_counter() if progress is None else -inf

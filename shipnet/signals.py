@@ -22,7 +22,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A kind of point, with its own conductors and those that a group shares."""
+    """A kind of point: the number of conductors per point, and of those that a group shares."""
 
     meaning: str
     conductors: int
@@ -47,7 +47,7 @@ SIGNALS: Mapping[str, Signal] = {
     "current_loop_4wire": Signal("4-20 mA transmitter with a supply of its own", 4, 0, "AI"),
     "voltage_input": Signal("voltage such as 0-10 V from a device with its own supply", 2, 0, "AI"),
     "potentiometer": Signal("potentiometer with supply and wiper wires", 3, 0, "AI"),
-    "serial": Signal("value of a serial device; its pair is counted for each value", 2, 0, "AI"),
+    "serial": Signal("value of a serial device; one pair is counted per value", 2, 0, "AI"),
     "analogue_output": Signal("4-20 mA set point to a positioner or drive", 2, 0, "AO"),
 }
 
@@ -93,13 +93,13 @@ def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str
         legal = (
             f"the nearest known is {known[near[0]][0][1]!r}"
             if near
-            else f"known are {', '.join(SIGNALS)}"
+            else f"known signals are {', '.join(SIGNALS)}"
         )
         raise ArgumentError(f"signal is {text!r}; {legal}")
     return found[0]
 
 
-#: Conductors of an AS-i line, which carry data and supply at once.
+#: Number of conductors of an AS-i line, which carry both data and power.
 ASI_PAIR = 2
 
 

@@ -1,7 +1,7 @@
 """The style of all figures and tables.
 
-Theory is drawn as a line, data as markers, a printed value as a dashed grey line, and a limit as a
-dashed red line with its name.
+Theory is drawn as a line, data as markers, a value printed in a paper as a dashed grey line, and a
+limit as a dashed red line with its name.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "use"]
 PAPER = {"color": "0.45", "linestyle": "--"}
 LIMIT = {"color": "#c0392b", "linestyle": "--"}
 
-# Okabe-Ito colours, distinct for colour-blind readers too, and light enough for black text.
+# Okabe-Ito colours, lightened for black text; colour-blind readers can distinguish them too.
 FIELD = {
     "frame": "#d9d9d9",
     "control": "#cc9fc0",
@@ -56,7 +56,7 @@ def use() -> None:
 
 @checked
 def axes(ax: Axes | None = None, **options: Any) -> Axes:
-    """Return the given axes, or those of a new figure with options of `pyplot.subplots`."""
+    """Return `ax`, or the axes of a new figure; `options` are those of `pyplot.subplots`."""
     if ax is None:
         import matplotlib.pyplot as plt
 
@@ -92,7 +92,7 @@ def logarithmic(axis: Any) -> None:
 def box(
     ax: Axes, x: float, y: float, width: float, height: float, text: str = "", **look: Any
 ) -> None:
-    """Draw a rectangle, placed by its lower left corner, with text in its middle."""
+    """Draw a rectangle with its lower left corner at (x, y) and text in its centre."""
     from matplotlib.patches import Rectangle
 
     ax.add_patch(Rectangle((x, y), width, height, **look))
@@ -110,7 +110,7 @@ def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
 
 
 def save(draw: Callable[[Axes], object], file: str) -> None:
-    """Save a figure in the style of `shipnet`, drawn by a function of the axes."""
+    """Save a figure in the style of `shipnet`; `draw` is called with the axes to draw on."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

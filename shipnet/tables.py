@@ -27,7 +27,7 @@ from zipfile import ZipFile
 from shipnet.errors import InputError, listed
 from shipnet.lazy import pd
 
-#: A number with a decimal point.
+#: A number; its decimal separator, if any, is a point.
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
 
 #: The values of cells whose formula failed.
@@ -39,7 +39,7 @@ _LARGEST, _UNPACKED = 2**24, 2**28
 #: Maximum number of cells in a sheet, including gaps.
 _CELLS = 2**22
 
-#: Characters of a row whose cells are empty.
+#: Characters that a row of empty cells may contain.
 _BLANK = ' ,;\t"\r\n'
 
 #: Number of rows that are searched for the row of titles.
@@ -71,7 +71,7 @@ class Sheet:
 
     Rows are numbered from 1, as in a spreadsheet: `top` is the row of titles, `above` the filled
     rows before it, `hidden` and `struck` those hidden or struck out. `odd` describes a cell that is
-    neither text nor a plain number, by row and column from 0. `separator` is ``""`` in a workbook.
+    neither text nor a plain number, by (row, column from 0). In a workbook, `separator` is ``""``.
     """
 
     source: str
@@ -90,7 +90,7 @@ class Sheet:
 def titled(
     sheet: Sheet, known: Mapping[str, str | None]
 ) -> tuple[list[tuple[int, dict[str, str]]], list[tuple[int, str]]]:
-    """Return the number and the cells by title of each row, and the faults of malformed rows.
+    """Return (number, cells by title) for each well-formed row, and (number, fault) for the others.
 
     `known` maps each title to the value of an empty cell, or to None if the column is required.
     """
@@ -177,7 +177,7 @@ def parse_sheet(
     """Split text into rows of cells separated by commas, semicolons or tabs.
 
     The row of titles is the one among the first 50 for which `is_titles` is highest, by default the
-    first that is not blank. Error messages call this row `what`.
+    first that is not blank. Error messages call the titles `what`.
     """
     if "\0" in text:
         raise InputError(source, "is not text: it contains zero bytes; expected a CSV file")
@@ -238,7 +238,7 @@ def read_sheet(
     is_titles: Callable[[Sequence[str]], float] = any,
     what: str = "column titles",
 ) -> Sheet:
-    """Read a CSV file or a sheet of an Excel workbook, detected by content.
+    """Read a CSV file or a sheet of an Excel workbook; the format is detected from the content.
 
     By default, the visible sheet with the most likely row of titles is read; a remark names it.
     Formulas are read as their saved values; merged cells are repeated in each of their rows.
@@ -263,7 +263,7 @@ _SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 def read_sheets(
     path: str | PathLike[str], is_titles: Callable[[Sequence[str]], float]
 ) -> list[Sheet]:
-    """Return every sheet of a workbook that has a row of such titles; [] for other files."""
+    """Return the sheets in which `is_titles` accepts a row; [] if the file is not a workbook."""
     source, data = str(path), read_bytes(path)
     if data[:4] != b"PK\x03\x04":
         return []
@@ -301,7 +301,7 @@ def _workbook(
 def _best_row(
     book: _Workbook, title: str, is_titles: Callable[[Sequence[str]], float]
 ) -> tuple[float, int]:
-    """Return the `is_titles` value and number of the row most likely to contain the titles."""
+    """Return the highest value of `is_titles` and the number of its row, or (0, 0) if all are 0."""
     best = (0.0, 0)
     for number, cells, _ in book.rows(title):
         if number > _TOP:
@@ -311,7 +311,7 @@ def _best_row(
 
 
 def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
-    """Return a sheet of a workbook, given its row of titles."""
+    """Return a sheet of a workbook, given the number of its row of titles."""
     rows: list[tuple[int, list[str]]] = []
     odd: dict[tuple[int, int], str] = {}
     titles: list[str] = []
@@ -360,7 +360,7 @@ class _Workbook:
         self._archive, self._book = archive, book
         worksheets = book.worksheets
         if not worksheets:
-            raise ValueError("has no sheet with cells")
+            raise ValueError("it has no sheet with cells")
         self.sheets = tuple(sheet.title for sheet in worksheets)
         self.struck: set[tuple[str, int]] = set()
         self.hidden = tuple(s.title for s in worksheets if s.sheet_state != "visible")
@@ -388,7 +388,7 @@ class _Workbook:
             yield number, texts, odd
 
     def layout(self, title: str) -> tuple[list[tuple[int, int, int]], frozenset[int]]:
-        """Return merged cells, as first row, last row and column from 0, and hidden rows."""
+        """Return merged areas (first row, last row, first column from 0) and the hidden rows."""
         from openpyxl.worksheet.cell_range import CellRange
 
         # In its row-by-row mode, which saves memory, openpyxl skips merged cells and hidden rows.
@@ -416,7 +416,7 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
         ) from None
     try:
         with ZipFile(BytesIO(data)) as archive, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # openpyxl warns of ignored parts, such as pictures
+            warnings.simplefilter("ignore")  # openpyxl warns about ignored parts, such as pictures
             _check_parts(archive)
             book = openpyxl.load_workbook(BytesIO(data), read_only=True, data_only=True)
             try:
@@ -425,13 +425,13 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
                 book.close()
     except InputError:
         raise
-    except Exception as error:  # openpyxl may raise any of them for a malformed file
+    except Exception as error:  # openpyxl may raise any exception for a malformed file
         said = " ".join(str(error).split()) or type(error).__name__
         raise InputError(source, f"is not an Excel workbook: {said[:200]}") from None
 
 
 def _check_parts(archive: ZipFile) -> None:
-    """Raise if a part of a workbook cannot be unpacked, is too large or has a DTD."""
+    """Raise if a workbook unpacks to too many bytes, or a part has a DTD or cannot be unpacked."""
     unpacked = 0
     for name in archive.namelist():
         with archive.open(name) as part:
@@ -456,13 +456,13 @@ _WORDS = re.compile(r'"[^"]*[^\W\d_][^"]*"|\\[^\W\d_]')
 
 @cache
 def _format(code: str) -> str:
-    """Return ``"words"`` for a format with letters, a format of zeros unchanged, or else ``""``."""
+    """Return a format of zeros such as ``00``, ``"words"`` for one with letters, else ``""``."""
     first = code.partition(";")[0]
     return "words" if _WORDS.search(first) else first if re.fullmatch("00+", first) else ""
 
 
 def _text(cell: Any, place: int, odd: dict[int, str]) -> str:
-    """Return a cell of a workbook as text, and describe in `odd` what is not a plain value."""
+    """Return a cell of a workbook as text; if it is not a plain value, describe it in `odd`."""
     value = cell.value
     text = _cell(value)
     if what := "an error" if cell.data_type == "e" else _odd(value, text):
@@ -479,7 +479,7 @@ def _text(cell: Any, place: int, odd: dict[int, str]) -> str:
 
 
 def _odd(value: Any, text: str) -> str:
-    """Describe a value that is neither text nor a plain number."""
+    """Describe a truth value, a date, a time or an error; return ``""`` for any other value."""
     if isinstance(value, bool):
         return "true or false"
     if isinstance(value, date | time | timedelta):
@@ -509,11 +509,11 @@ def _cell(value: Any) -> str:
         return value.strip()
     if value is None:
         return ""
-    # Excel has no whole numbers: it shows 7.0 as 7.
+    # Excel stores every number as a float, and shows 7.0 as 7.
     return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
 
 
-# Writing: DataFrames as the files that a spreadsheet opens ---------------------------------------
+# Writing: DataFrames as CSV files and Excel workbooks --------------------------------------------
 
 #: Text that a spreadsheet may read as a formula.
 _FORMULA = re.compile(r"'*[=+\-@]")
@@ -551,7 +551,7 @@ def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
             if not (font or value.startswith(("=", "#"))):
                 return value
             cell = WriteOnlyCell(sheet, value)
-            cell.data_type = "s"  # openpyxl reads "=1" as a formula, "#N/A" as an error
+            cell.data_type = "s"  # openpyxl would treat "=1" as a formula, "#N/A" as an error
             if font:
                 cell.font = font
             return cell

@@ -348,7 +348,7 @@ def test_notes_have_the_minutes_and_the_solutions(source):
     kinds = [cell.metadata["slideshow"]["slide_type"] for cell in notebook.cells]
     assert kinds.count("notes") == kinds.count("slide") + kinds.count("subslide")
     notes = [c.source for c, kind in zip(notebook.cells, kinds, strict=True) if kind == "notes"]
-    assert notes[0] == "Minute 0 to 0."
+    assert notes[0] == "Minutes 0 to 0."
     (solution,) = (text for text in notes if "answer = two + 40" in text)
     assert "Minute" in solution and "### BEGIN" not in solution
 
@@ -360,7 +360,7 @@ def test_the_notes_of_a_lesson_take_as_long_as_the_lesson():
         slides.split(notebook)
         slides.mark(notebook)
         slides.add_notes(notebook, lesson)
-        ends = re.findall(r"Minute \d+ to (\d+)", " ".join(cell.source for cell in notebook.cells))
+        ends = re.findall(r"Minutes \d+ to (\d+)", " ".join(cell.source for cell in notebook.cells))
         stated = re.search(r"Time: (\d+) minutes", lesson.cells[0].source)
         assert abs(int(ends[-1]) - int(stated[1])) <= 5, path
 

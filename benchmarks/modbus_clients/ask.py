@@ -4,8 +4,8 @@
     python ask.py CLIENT rtu DEVICE POLLS TIMEOUT
 
 Poll k reads two holding registers of unit 1, starting at address 2 k. A client keeps its own
-defaults, except for the time-out and the bit rate, and is not reset after an error. `ask.c`,
-`ask.js` and `ask.go` do the same.
+defaults, except for the time-out and the settings of the serial line, and is not reset after an
+error. `ask.c`, `ask.js` and `ask.go` do the same.
 """
 
 import re
@@ -82,7 +82,7 @@ def modbus_tk(kind, place, timeout):
 
 
 def mbpoll(kind, place, timeout):
-    """Return a function that runs mbpoll once per poll, because a run reads only one address."""
+    """Return a function that runs mbpoll once per poll, because a run has one start address."""
     import termios
 
     where = ["-p", place, "127.0.0.1"] if kind == "tcp" else ["-b", "19200", "-P", "none", place]
@@ -92,7 +92,7 @@ def mbpoll(kind, place, timeout):
         done = subprocess.run(
             [*words, "-o", f"{timeout:g}", *where], capture_output=True, text=True, check=False
         )
-        if kind == "rtu":  # a real port discards unread bytes when it is closed
+        if kind == "rtu":  # a real port would discard unread bytes when mbpoll closes it
             with open(place, "rb", buffering=0) as port:
                 termios.tcflush(port, termios.TCIFLUSH)
         found = re.findall(r"^\[\d+\]:\s+(\d+)", done.stdout, re.MULTILINE)

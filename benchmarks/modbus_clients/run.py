@@ -1,11 +1,11 @@
-"""How third-party Modbus clients react to faulty responses; writes data/modbus_clients.csv.
+"""Measure how third-party Modbus clients react to faults; write data/modbus_clients.csv.
 
     make clients                      or  python benchmarks/modbus_clients/run.py [UV]
 
-Each client polls our server on this machine, and a quarter of the responses have one kind of fault.
-Each poll reads a different address, so the response to any other request contains wrong values.
-Clients are installed under build/clients; if a client cannot be installed, the program says so and
-keeps its rows of the table.
+In each run, a client polls our server on this machine; about a quarter of the responses are faulty,
+all with the same kind of fault. Each poll reads a different address, so the response to any other
+request contains wrong values. Most clients are installed under build/clients; if a client cannot be
+installed, the program says so and keeps its rows of the table.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ BOTH = ("tcp", "rtu")
 
 
 class Client(NamedTuple):
-    """A client: its transports, the defaults of its authors, its version, and how to start it."""
+    """A client: its transports, its default settings, its version, and how to start it."""
 
     name: str
     kinds: tuple[str, ...]
@@ -57,7 +57,7 @@ class Client(NamedTuple):
 
 
 def values(address: int) -> tuple[int, int]:
-    """Return the values of the two registers that start at an address."""
+    """Return the values of the register at an address and of the next register."""
     return 1000 + 7 * address, 1007 + 7 * address
 
 
@@ -98,7 +98,7 @@ def serial_pair() -> Iterator[list[str]]:
 def measure(
     client: Client, kind: str, fault: Name, polls: int = POLLS, timeout: float = TIMEOUT
 ) -> Counter[str]:
-    """Return the number of polls of a client with each outcome."""
+    """Return how many of a client's polls have each outcome."""
     seconds = SECONDS[fault] * timeout if fault in SECONDS else None
     registers = [1000 + 7 * address for address in range(2 * polls + 2)]
     with ExitStack() as stack:
@@ -121,7 +121,7 @@ def measure(
 def _outcomes(
     words: list[str], variables: dict[str, str], polls: int, patience: float
 ) -> Counter[str]:
-    """Run a client and judge its lines; no line for `patience` seconds counts as a hang."""
+    """Run a client and judge its lines; if none comes for `patience` s, the rest count as hangs."""
     found = Counter(dict.fromkeys(OUTCOMES, 0))
     with subprocess.Popen(
         words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
@@ -218,7 +218,7 @@ def libmodbus(uv: str) -> Client:
 
 
 def mbpoll(uv: str) -> Client:
-    _run("mbpoll", "-V")  # fails if mbpoll is missing; it prints a wrong version
+    _run("mbpoll", "-V")  # fails if mbpoll is missing; the version that it prints is wrong
     release = _run("dpkg-query", "--show", "--showformat", "${Version}", "mbpoll").partition("+")[0]
     defaults = "time-out 1 s, no retries; started anew for each poll"
     return Client(
@@ -238,7 +238,7 @@ def go(uv: str) -> Client:
     return Client(name, BOTH, defaults, release, [folder / "ask"], {})
 
 
-#: Clients that are installed in the test environment, and those that must be installed.
+#: Clients that are part of the test environment, and clients that must be installed.
 OWN = {
     "pymodbus": (BOTH, "time-out 3 s, 3 retries"),
     "minimalmodbus": (("rtu",), "time-out 0.05 s, no retries"),

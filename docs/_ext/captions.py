@@ -19,9 +19,9 @@ CLAIMS = "<th>the paper says</th>"
 
 
 class Captions(SphinxTransform):
-    """Use each figure's caption as its alternative text; derive a picture's height from its width.
+    """Use each figure's caption as its alternative text; drop the figure's fixed height.
 
-    myst-nb itself uses the file's digest as the alternative text. Tables of claims get a CSS class.
+    myst-nb itself uses the image's hash as the alternative text. Tables of claims get a CSS class.
     """
 
     default_priority = 400
@@ -35,7 +35,7 @@ class Captions(SphinxTransform):
                 if isinstance(caption, nodes.paragraph):
                     image["alt"] = caption.astext().replace("\n", " ")
                 else:
-                    logger.warning("a figure without a caption below", location=image)
+                    logger.warning("no caption below this figure", location=image)
                 image.attributes.pop("height", None)
             for table in cell.findall(nodes.raw):
                 if CLAIMS in table.astext():

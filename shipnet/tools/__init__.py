@@ -1,4 +1,4 @@
-"""Interactive tools: the fields of each are the controls of a page that shows the result."""
+"""Interactive tools: each tool's fields are the controls of a page that shows its result."""
 
 import lazy_loader
 

@@ -173,7 +173,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         self._change(lambda: self._told(**values))
 
     def _told(self, press: Sequence[str] = (), **values: Any) -> Any:
-        """Return the inputs of an example: values or preset are set, and buttons pressed."""
+        """Return the inputs of an example: set its values or its preset, and press its buttons."""
         if self._preset is not None and values:
             self._setters.put(type(self._preset.start)(**values))
             inputs = self._preset.make(self._setters.inputs, self._kind())
@@ -213,8 +213,8 @@ class Page(widgets.VBox):  # type: ignore[misc]
 
         def take(_: object) -> None:
             files = upload.value
-            # Empty the widget, so that loading a corrected file of the same name is a change, but
-            # do so before the page responds, because a file loaded at that moment would be lost.
+            # Empty the widget, so that a corrected file of the same name counts as a change.
+            # Do so before the page responds, because a file loaded meanwhile would be lost.
             upload.value = ()
             for file in files:
                 name, content = file["name"], bytes(file["content"])
@@ -321,7 +321,7 @@ class Controls:
             self._quiet, self._seen = False, self._values()
 
     def observe(self, call: Callable[[], None]) -> None:
-        """Call a function after each change by the user."""
+        """Register a function that is called after each change by the user."""
         self._observers.append(call)
 
     def _changed(self, _: object) -> None:
@@ -395,7 +395,7 @@ def draw_steps(draw: Draw, steps: Sequence[int], axes: Sequence[Axes]) -> None:
     Parameters
     ----------
     draw : callable
-        Function of a frame's number, from 0, and axes.
+        Function ``draw(k, ax)`` that draws frame k, counted from 0, on the axes `ax`.
     steps : sequence of int
         Numbers of the frames.
     axes : sequence of matplotlib.axes.Axes
@@ -429,8 +429,8 @@ def stepper(
     Parameters
     ----------
     draw : callable
-        Function of a frame's number, from 0, and axes. Each frame is drawn once, when it is first
-        shown.
+        Function ``draw(k, ax)`` that draws frame k, counted from 0, on the axes `ax`. Each frame is
+        drawn once, when it is first shown.
     captions : sequence of str
         One sentence of plain text per frame, for 1 to 1000 frames.
     width, height : float

@@ -31,7 +31,7 @@ VERSION = 1
 
 _FORMAT = "shipnet tool"
 
-#: Maximum size of a state [bytes]; most have a few hundred, but the text of an editor adds to it.
+#: Maximum size of a state [bytes]; most have a few hundred, but a text input can be long.
 _LARGEST = 2_000_000
 
 #: Maximum number of characters in a link; some programs truncate longer links.
@@ -95,7 +95,7 @@ class View:
         )
 
     def figure(self, sheet: Sheet | None = None, *, narrow: bool = False) -> str:
-        """Return the figure as HTML, drawn on a sheet; empty without `plot`."""
+        """Return the figure, drawn on `sheet` or a new sheet, as HTML; "" if `plot` is None."""
         if self.plot is None:
             return ""
         width, height = _WIDTH, self.height
@@ -113,8 +113,8 @@ class View:
 class Sheet:
     """Axes that are reused for each plot.
 
-    Ticks and layout take about half the time of a new figure. So the ticks are reused, and so
-    is the layout while the text around the axes stays the same.
+    Ticks and layout take about half the time needed for a new figure. So the ticks are reused, and
+    so is the layout while the text around the axes stays the same.
     """
 
     axes: Axes | None = None
@@ -172,7 +172,7 @@ def _words(axes: Axes) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Button:
-    """A button; `act` returns new inputs from the current ones, or None to compute again."""
+    """A button; `act` takes the current inputs and returns new ones, or None to recompute."""
 
     label: str
     help: str
@@ -191,7 +191,7 @@ class Upload:
 
 @dataclass(frozen=True)
 class Preset:
-    """Controls that set others; `make` makes new inputs from their values and the old inputs."""
+    """Controls that set inputs; `make` returns new inputs from their values and the old inputs."""
 
     start: Any
     make: Callable[[Any, Any], Any]
@@ -228,7 +228,7 @@ def write_link(inputs: Any) -> str:
 
 
 def read_link(query: str, kind: type) -> Any:
-    """Return the inputs of a link as the record `kind`; missing inputs keep their defaults."""
+    """Return a link's inputs as a record of type `kind`; missing inputs keep their defaults."""
     values = asdict(kind())
     for name, text in parse_qsl(query, keep_blank_values=True):
         values[name] = _value(text, values.get(name))
@@ -236,7 +236,7 @@ def read_link(query: str, kind: type) -> Any:
 
 
 def _value(text: str, default: Any) -> Any:
-    """Return a value of the default's type, or the text itself, which the check rejects."""
+    """Return the text as a value of the default's type; if it is invalid, return it unchanged."""
     if isinstance(default, tuple):
         return tuple(text.split())
     if isinstance(default, bool):
@@ -248,12 +248,12 @@ def _value(text: str, default: Any) -> Any:
 
 
 def read_state(content: bytes, tool: str, kind: type, file: str = "state") -> Any:
-    """Return the inputs in a file as the record `kind`."""
+    """Return the inputs in a file as a record of type `kind`."""
     return _record(_inputs(content, tool, file), kind, file)
 
 
 def _record(given: Mapping[str, Any], kind: type, file: str) -> Any:
-    """Return a record of values, or raise InputError with all faults."""
+    """Return a record of type `kind` with these values, or raise InputError with all faults."""
     kinds = declared(kind)
     faults = [f"unknown input {name!r}" for name in given if name not in kinds]
     faults += [f"input {name!r} is missing" for name in kinds if name not in given]

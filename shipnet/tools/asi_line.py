@@ -33,8 +33,8 @@ CABLE_CHOICES = MappingProxyType[str, str | Cable](
 #: Sampling interval, and times recorded before and after the response [s].
 STEP, BEFORE, AFTER = 250e-9, 6e-6, 28.8e-6
 
-#: Ratio of the standard deviations of white noise after and before the matched filter: the square
-#: root of 8/3 times the sampling interval, which is measured in half-bits.
+#: Ratio of the standard deviations of white noise after and before the matched filter:
+#: sqrt(8 d / 3), where d is the sampling interval in half-bits.
 FILTERED = (8 / 3 * STEP / HALF_BIT) ** 0.5
 
 
@@ -59,11 +59,11 @@ class AsiLine(Tool):
     )  # fmt: skip
     place: float = number(
         0, 500, default=5.0, unit="m", slider=(0, 300), step=5, label="slave at",
-        help="Distance of the slave from master and supply; not beyond the end of the cable.",
+        help="Distance of the slave from master and supply, limited to the length of the cable.",
     )  # fmt: skip
     cable: str = choice(
         list(CABLE_CHOICES), default=next(iter(CABLE_CHOICES)), label="cable",
-        help="Impedance and delay: the nominal cable, or extremes of a data sheet.",
+        help="Characteristic impedance and delay: nominal, or extremes of a data sheet.",
     )  # fmt: skip
     terminator: bool = switch(
         default=False, label="100 ohm at the end",

@@ -1,4 +1,4 @@
-"""The network explorer: a cable with slaves, their polling times, and the rules violated."""
+"""The network explorer: a cable with slaves, their polling times, and any violated rules."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from shipnet.fields import choice, number, record, whole
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
 
-#: Number of addresses; more slaves share them as A and B slaves.
+#: Number of addresses; if there are more slaves, some share an address as A and B slaves.
 ADDRESSES = 31
 
 
@@ -21,7 +21,7 @@ ADDRESSES = 31
 class AsiNetwork(Tool):
     """An AS-i line with its slaves: cycle, response, signals and rules.
 
-    `plan` is the installation, an `asi.Plan`, and `result` contains the findings of its rules.
+    `plan` is the installation, an `asi.Plan`, and `result` contains the findings of its check.
 
     Examples
     --------
@@ -34,12 +34,12 @@ class AsiNetwork(Tool):
     )
     pairs: int = whole(
         0, ADDRESSES, default=0, label="A/B pairs",
-        help="Number of addresses that an A and a B slave share; adjusted if out of range.",
+        help="Number of addresses that an A and a B slave share; adjusted to the number of slaves.",
     )  # fmt: skip
     structure: str = choice(
         {
             "line": "line: slaves along the cable",
-            "star": "star: slaves on equal legs at the end of a trunk, 90 % of the cable",
+            "star": "star: slaves on equal legs at the end of a trunk, which is 90 % of the cable",
             "ring": "ring: slaves along the cable, which returns to the master",
         },
         default="line", label="structure",
@@ -51,7 +51,7 @@ class AsiNetwork(Tool):
     )  # fmt: skip
     supply: float = number(
         0, 1, default=0.5, step=0.05, label="position of supply",
-        help="0: beside the master; 1: at the end. In a ring it is always beside the master.",
+        help="0: beside the master, as always in a ring; 1: at the end of the line or trunk.",
     )  # fmt: skip
     current_ma: float = number(
         0, 500, default=65.0, unit="mA", slider=(0, 200), step=5, label="current per slave",
@@ -82,7 +82,7 @@ class AsiNetwork(Tool):
 
     @cached_property
     def result(self) -> PlanFindings:
-        """The findings of the rules for the plan."""
+        """The findings when the plan is checked against the rules."""
         return self.plan.check()
 
     def _view(self) -> View:
@@ -97,7 +97,7 @@ class AsiNetwork(Tool):
         )
 
     def _numbers(self) -> dict[str, str]:
-        """Return the polling times and rates."""
+        """Return the polling times, the utilisation, and the rates of repetitions and drops."""
         cycle = self.plan.cycle
         # With errors, a slave is polled up to twice per cycle; the worst case includes both polls.
         response = cycle.response_time(repetitions=int(self.error_rate > 0))

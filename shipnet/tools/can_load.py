@@ -24,12 +24,12 @@ class CanLoad(Tool):
     """Load and response times of a CAN message set at a bit rate.
 
     `result` is the analysis, a `can.ResponseTimes`; `messages`, `load` and `lowest` are the message
-    set, its load for each way to count stuff bits, and the lowest bit rate that works [bit/s].
+    set, its bus load, and the lowest standard bit rate that meets all deadlines.
 
     Raises
     ------
     ArgumentError
-        If a value is out of its range, or if offsets are combined with errors.
+        If a value is out of its range. Raised by `result` if offsets are combined with errors.
     InputError
         Raised by `messages` if the text is not a message set.
 
@@ -60,7 +60,7 @@ class CanLoad(Tool):
     offsets: str = choice(
         ("not counted", "as listed", "spread"), default="not counted", label="offsets",
         help="Fixed offsets between messages of one sender: not counted, as listed, or spread on "
-        "a grid of 1 ms to keep the messages apart. Only without errors.",
+        "a grid of 1 ms to keep the messages apart. Offsets can be counted only if errors are 0.",
     )  # fmt: skip
 
     @cached_property
@@ -71,7 +71,7 @@ class CanLoad(Tool):
 
     @property
     def faults(self) -> ErrorBound | None:
-        """The errors on the bus."""
+        """The errors on the bus; None if there are none."""
         return ErrorBound(interval=1 / self.errors_per_s) if self.errors_per_s else None
 
     def _times(self, bit_rate: int) -> ResponseTimes:
@@ -90,7 +90,7 @@ class CanLoad(Tool):
 
     @property
     def load(self) -> dict[str, float]:
-        """Bus load for each way of counting stuff bits."""
+        """Bus load, as a fraction, for each way of counting stuff bits."""
         counted: dict[str, Stuffing] = {
             "no stuff bits": "none", "random data": "mean", "most stuff bits": "worst",
         }  # fmt: skip
@@ -128,6 +128,6 @@ class CanLoad(Tool):
                 given = "".join(f"# {fault}\n" for fault in messages.overlooked) + messages.text
             return replace(inputs, text=given)
 
-        tip = "CSV or DBC; it replaces the text above. Faults of a DBC file are listed first."
+        tip = "CSV or DBC file to replace the text above; faults of a DBC file are listed on top."
         own = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
         return {"uploads": [own], "folds": {"message set": ("text",)}}

@@ -26,7 +26,7 @@ DESIGNS = {
     "corrected, CAN as a line": System.corrected(),
 }
 
-#: Faults of all designs to choose from, by name. A line lacks one cable of the ring.
+#: Faults to choose from, by name: single faults of any design. A line lacks one cable of the ring.
 FAULTS: dict[str, EngineFault | None] = {"none": None} | {
     str(fault): fault for design in DESIGNS.values() for fault in design.single_faults(START)
 }
@@ -39,7 +39,7 @@ _SEED = 2024
 class EngineFaults(Tool):
     """The alarm screen of lee2012 after a fault.
 
-    `result` is the screen, an `engine.Screen`, and `raised` lists the alarms so far.
+    `result` is the screen, an `engine.Screen`, and `raised` lists the alarms up to `time`.
 
     Raises
     ------
@@ -58,15 +58,15 @@ class EngineFaults(Tool):
 
     fault: str = choice(
         list(FAULTS), default="box dead JB2", label="fault",
-        help=f"Fault that begins {START:g} s after the start; JB is a junction box.",
+        help=f"The fault begins {START:g} s after the start of the run; JB means junction box.",
     )  # fmt: skip
     design: str = choice(
         list(DESIGNS), default=next(iter(DESIGNS)), label="design",
-        help="The system as lee2012 prints it, or with our corrections.",
+        help="The system as printed in lee2012, or with our corrections.",
     )  # fmt: skip
     time: float = number(
         2, _END, default=13.0, unit="s", step=0.25, label="time",
-        help=f"Time shown on the screen; the fault begins at {START:g} s.",
+        help=f"Time at which the screen is shown; the fault begins at {START:g} s.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -81,7 +81,7 @@ class EngineFaults(Tool):
 
     @cached_property
     def raised(self) -> list[str]:
-        """Alarms so far; those of a box's points are counted together."""
+        """Alarms up to `time`; equal alarms of a box's points at one time are counted together."""
         alarms = _run(self.fault, self.design).alarms()
         alarms = alarms[alarms["time_s"] <= self.time]
         box = alarms["source"].str.extract(r"^ME-(JB\d+)-", expand=False)

@@ -1,4 +1,4 @@
-"""The scan explorer: the time that a Modbus master needs to poll all slaves, and its limit."""
+"""The scan explorer: how long a Modbus master takes to poll all slaves, compared with a limit."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from shipnet.modbus.polling import BIT_RATES, Scan, scan
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
 
-#: Character formats to choose from: the formats of the standard, and a common device setting.
+#: Character formats to choose from: those of the standard, and 8N1, which many devices use.
 CHARACTERS = ("8E1", "8O1", "8N2", "8N1")
 
 
 @record
 class ModbusScan(Tool):
-    """The time that a Modbus master needs to poll all slaves, and its limit.
+    """How long a Modbus master takes to poll all slaves, compared with a limit.
 
     `result` is the scan, a `modbus.Scan`.
 
     Raises
     ------
     ArgumentError
-        If a value is out of its range, or the time-out is shorter than a whole response.
+        If a value is out of range. Raised by `result` if the time-out is shorter than a response.
 
     Examples
     --------
@@ -36,7 +36,7 @@ class ModbusScan(Tool):
     )
     character: str = choice(
         CHARACTERS, default="8E1", label="character",
-        help="Data bits, parity and stop bits; the standard's characters have 11 bits, 8N1 has 10.",
+        help="Data bits, parity and stop bits. The standard's characters have 11 bits; 8N1 has 10.",
     )  # fmt: skip
     slaves: int = whole(
         1, MAX_UNIT, default=31, label="slaves", help="Number of slaves, polled in turn."
@@ -46,11 +46,11 @@ class ModbusScan(Tool):
     )
     processing_ms: float = number(
         0, 500, default=5.0, unit="ms", slider=(0, 100), step=1, label="processing time",
-        help="How long a slave processes a request, in addition to the silence between frames.",
+        help="Time a slave takes to process a request, in addition to the silences between frames.",
     )  # fmt: skip
     dead: int = whole(
         0, MAX_UNIT, default=0, at_most="slaves", label="dead slaves",
-        help="Slaves that do not respond: the master waits for the full time-out each time.",
+        help="Slaves that do not respond; each request to one of them costs a full time-out.",
     )  # fmt: skip
     timeout_ms: float = number(
         10, 5000, default=500.0, unit="ms", slider=(10, 3000), step=10, label="response time-out",

@@ -36,7 +36,7 @@ ACTIONS = MappingProxyType(
         "packet": ("store a packet", "The interrupt stores bytes up to the end of a packet."),
         "extract": ("extract a byte", "The task extracts one byte, if the rule allows it."),
         "empty": ("extract all", "The task extracts bytes until the rule stops it."),
-        "repair": ("repair", "The task moves its pointer as the paper does after an overrun."),
+        "repair": ("repair", "The task moves its pointer as the rule requires after an overrun."),
     }
 )
 
@@ -59,7 +59,7 @@ _FORM = MarkerFormat(n_numbers=_ITEMS)
 class ReceiveRing(Tool):
     """A receive ring that is filled and read by hand, step by step.
 
-    `result` has the ring, what the last action did (`said`), and the number of packets.
+    `result` has the ring, a description of the last action (`said`), and the number of packets.
 
     Examples
     --------
@@ -87,7 +87,7 @@ class ReceiveRing(Tool):
 
     @cached_property
     def result(self) -> Game:
-        """The ring after all actions, which begin with an empty ring."""
+        """The ring after all actions, starting with an empty ring."""
         return Game(self)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -153,7 +153,7 @@ class Game:
 
     @property
     def wrong(self) -> int:
-        """Number of packets that are older than a previously read packet, or were never sent."""
+        """Number of packets that are not newer than one read before, or that were never sent."""
         sent = {_value(number) for number in range(self.ring.written // _FORM.size(_ITEMS))}
         due = accumulate((value + 1 for value in self.found), max, initial=0)
         pairs = zip(self.found, due, strict=False)
@@ -208,7 +208,7 @@ def _value(number: int) -> int:
 
 def _in_words(step: Step, where: int, ring: Ring) -> str:
     if step.action == "wait":
-        return "the ring is known to be empty: the reader waits"
+        return "the ring appears to be empty: the reader waits"
     if step.action == "stop":
         return "case a: the reader stops receiving and starts sending"
     if step.action == "repair":

@@ -33,7 +33,7 @@ from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, Upload, View
 
-#: Figures to choose from; a figure against cost has the name of its column in the comparison.
+#: Figures to choose from; the key of a figure against cost is its column in the comparison.
 PICTURES = {
     "cost": "cost of each option, with its range",
     "conductors_at_cabinet": "conductors against cost",
@@ -53,16 +53,16 @@ _FOLDS = {
     ),
 }  # fmt: skip
 
-#: Maximum length of a list in characters, and in bytes as JSON; a state must not exceed 2 MB.
+#: Maximum length of a list in characters, and in bytes as JSON; a saved state has at most 2 MB.
 _LONGEST = 1_000_000
 _STATE = 1_900_000
 
 _MIND = (
-    f"{BANNER} Prices, hours and masses are assumptions until you enter a supplier's; each cost is "
-    "nominal, with a range from all assumptions low to all high."
+    f"{BANNER} Prices, hours and masses are assumptions until you enter a supplier's values. "
+    "Each cost is nominal; its range is from all assumptions low to all assumptions high."
 )
 
-#: Mixes of options: options for some types or categories, and the option for all other points.
+#: Mixes, by name: the options for some types or categories, and the option for all other points.
 MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
     {
         "digital AS-i + analogue CAN": ({"DI": "AS-i", "DO": "AS-i"}, "CAN"),
@@ -73,10 +73,10 @@ MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
     }
 )
 
-#: Seed of the draws of the assumptions, the same as in `shipnet design`.
+#: Seed for drawing the assumptions at random, the same as in `shipnet design`.
 _SEED = 2024
 
-#: Assumptions that make up the price of a bus, apart from the cable.
+#: Prefixes of the names of assumptions about the parts of a bus, without its cable.
 _BUS_PARTS = (
     "asi_", "can_", "modbus_", "station_", "second_interface", "supply", "repeater", "terminator",
     "gateway",
@@ -141,7 +141,7 @@ class ShipDesign(Tool):
         default=True, label="AS-i", help="Modules on a two-wire line that also carries the supply."
     )
     can: bool = switch(default=True, label="CAN", help="Stations on a trunk.")
-    modbus: bool = switch(default=True, label="Modbus RTU", help="Stations polled on RS-485.")
+    modbus: bool = switch(default=True, label="Modbus RTU", help="Stations polled over RS-485.")
     mixed: str = choice(
         {name: name for name in ("none", *MIXES)}, default="none", label="a mix",
         help="One more option, which connects some points by one method and the others by another. "
@@ -152,8 +152,8 @@ class ShipDesign(Tool):
     )
     rules: str = choice(
         {name: name for name in RULE_SETS}, default="DNV", label="rules",
-        help="The rules to check. A rule is not verified, and never counts as met, "
-        "if a plan cannot show that it is met or none of us has read it.",
+        help="The rules to check. A rule counts as not verified, never as met, if the "
+        "plan cannot show that it is met or if none of us has read the rule.",
     )  # fmt: skip
     update_ms: int = choice(
         {0: "as listed", 1000: "1000", 500: "500", 200: "200", 100: "100", 50: "50", 20: "20"},
@@ -176,7 +176,7 @@ class ShipDesign(Tool):
     )  # fmt: skip
     labour: float = number(
         10, 200, default=55.0, step=5, unit="EUR/h", label="labour rate",
-        help="Hourly cost of an electrician, with overhead; its range scales with it. Assumed.",
+        help="Hourly cost of an electrician, with overhead; its range is scaled as well. Assumed.",
     )  # fmt: skip
     parts: float = number(
         0.25, 4, default=1.0, step=0.05, label="price of bus parts",
@@ -191,15 +191,15 @@ class ShipDesign(Tool):
     picture: str = choice(
         PICTURES, default="cost", label="figure",
         help="Filled dots are Pareto-optimal with respect to both axes. The assumptions shown "
-        "affect the cost difference between the first option and the cheapest other one.",
+        "matter most to the cost difference between the first option and the cheapest other one.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        # JSON writes a non-ASCII character as six characters, and a line break as two.
+        # JSON writes most non-ASCII characters as six characters, and a line break as two.
         beyond = len(self.points.encode("ascii", errors="ignore"))
         size = 6 * (len(self.points) - beyond) + beyond + self.points.count("\n")
         if size > _STATE:
-            raise ArgumentError(f"the list takes {size} bytes; a state may have at most {_STATE}")
+            raise ArgumentError(f"the list takes {size} bytes as JSON; the limit is {_STATE}")
 
     @property
     def options(self) -> tuple[str, ...]:
@@ -260,7 +260,7 @@ class ShipDesign(Tool):
         )
 
     def _options(self) -> dict[str, Any]:
-        # The inputs of the report, which is dropped when they change.
+        # The inputs for which a report was requested; the report is dropped when the inputs change.
         asked: list[ShipDesign] = []
 
         def see(inputs: ShipDesign) -> View:
@@ -284,10 +284,10 @@ class ShipDesign(Tool):
         report = Button(
             "make the report", "One file to read offline and print: tables, figures, rules and all "
             "assumptions. tables.zip has the cables, terminals, points and drawing of each "
-            "option. Buttons to download both appear at the foot of the page.", ask,
+            "option. Buttons to download both files appear at the foot of the page.", ask,
         )  # fmt: skip
         uploads = [
-            Upload("load a list", "CSV or Excel; it replaces the list above.",
+            Upload("load a list", "A CSV or Excel file to replace the list above.",
                    ".csv,.txt,.xlsx", from_file),
             Upload("load settings", "Limits and prices, as TOML; they replace those above.",
                    ".toml,.txt", settings_from_file),
@@ -297,7 +297,7 @@ class ShipDesign(Tool):
 
 
 def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
-    """Return the inputs with the I/O list from a file, and without a cabinet."""
+    """Return the inputs with the I/O list of a file; the cabinet is left empty, to be inferred."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "list"
         path.write_bytes(content)
@@ -312,7 +312,7 @@ def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
 
 
 def settings_from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
-    """Return the inputs with the lines of a settings file as their own settings."""
+    """Return the inputs with the text of a settings file as the user's own settings."""
     lines = text_of(content)
     Settings.parse(lines, name)
     return replace(inputs, own=lines)
@@ -320,7 +320,7 @@ def settings_from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDes
 
 @lru_cache(maxsize=8)
 def _points(text: str, name: str, update_ms: int, reading: Reading) -> IoList:
-    """Return the points in text; unless `update_ms` is 0, their update times are limited to it."""
+    """Return the I/O list in `text`; a nonzero `update_ms` limits the update time of each point."""
     iolist = IoList.parse(text, name, reading=reading)
     if not update_ms:
         return iolist
@@ -331,7 +331,7 @@ def _points(text: str, name: str, update_ms: int, reading: Reading) -> IoList:
 
 @lru_cache(maxsize=8)
 def _site(iolist: IoList, cabinet: str, settings: Settings) -> tuple[Site, str]:
-    """Return the site of a list, and a remark if the cabinet's position was inferred."""
+    """Return the site of a list, and a remark if `cabinet` is blank, otherwise ""."""
     return site_of(iolist, cabinet.strip() or None, settings)
 
 
@@ -347,7 +347,7 @@ def _planned(iolist: IoList, site: Site, settings: Settings, option: str, rules:
 
 
 def _prices(labour: float, parts: float) -> dict[str, Range]:
-    """Return the assumptions that a labour rate and a price factor of bus parts change."""
+    """Return the assumptions changed by a labour rate [EUR/h] and a price factor for bus parts."""
     assumed = Assumptions()
     times = {"labour_rate": labour / assumed["labour_rate"].nominal}
     times |= {

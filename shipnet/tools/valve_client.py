@@ -40,7 +40,7 @@ class ValveClient(Tool):
 
     address: str = text(
         default="", hint="own server", label="address",
-        help="Name or address of a server. If empty, this page starts its own server.",
+        help="Name or address of a server. If empty, the page uses its own server.",
     )  # fmt: skip
     port: int = whole(
         1, 0xFFFF, default=5020, typed=True, label="port",

@@ -58,7 +58,7 @@ class ValveDiagnosis(Tool):
     (128, 10, 0.0)
     """
 
-    #: The states in which the model of a valve can be read.
+    #: The states of a valve that `from_plant` can simulate.
     STATES: ClassVar[Mapping[str, Any]] = STATES
 
     FP: float = _sensor("FP", 90.0, "pump pressure FP", "Pressure at the pump; 90 is normal.")
@@ -79,7 +79,7 @@ class ValveDiagnosis(Tool):
 
     @property
     def readings(self) -> dict[str, list[float]]:
-        """The readings for the rules; the speed is missing without a command."""
+        """The readings for the rules; the speed is NaN unless a command is active."""
         readings = {name: [getattr(self, name)] for name in _BASE.names}
         return readings if self.commanded else readings | {"DVPos": [nan]}
 
@@ -133,7 +133,7 @@ class ValveDiagnosis(Tool):
         *,
         threshold: float = 0.5,
     ) -> ValveDiagnosis:
-        """Return the readings of a simulated valve, without noise.
+        """Return the diagnosis of a simulated valve from its readings without noise.
 
         `fault` is a code of the rule table or ``"normal"``, `severity` 0..1, and `state` one of
         `STATES`; a moving valve starts half open and is read after 4 s.
@@ -181,7 +181,7 @@ class ValveDiagnosis(Tool):
 class _Plant:
     fault: str = choice(
         [NORMAL, *FAULTS], default=NORMAL, label="fault",
-        help="A fault of the plant; it sets the sensors.",
+        help="A fault of the simulated plant, which determines the readings.",
     )  # fmt: skip
     severity: float = number(
         0, 1, default=1.0, step=0.01, label="its severity",

@@ -113,7 +113,7 @@ def test_the_speaker_view_shows_the_notes(page, root):
     show(page, root, source)
     notes = page.evaluate(NOTES)
     exercise = next(k for k, text in enumerate(notes) if "exchange_us" in text)
-    minutes = re.search(r"Minute \d+ to \d+\.", notes[exercise])[0]
+    minutes = re.search(r"Minutes \d+ to \d+\.", notes[exercise])[0]
     place = page.evaluate("(k) => Reveal.getIndices(Reveal.getSlides()[k])", exercise)
     page.evaluate("({h, v}) => Reveal.slide(h, v)", place)
     with page.expect_popup() as opened:
