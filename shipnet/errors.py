@@ -15,7 +15,8 @@ __all__ = [
     "SymbolError", "UnknownCallError", "load_extra", "name_of",
 ]  # fmt: skip
 
-#: Maximum length of a fault, a message and a quoted value [characters]; the middle is cut out.
+#: Maximum lengths of a fault, a message and a quoted value [characters]; the middle of longer ones
+#: is left out.
 _FAULT, _MESSAGE, _QUOTED = 300, 3000, 80
 
 #: A quoted value of at least 80 characters.

@@ -434,7 +434,7 @@ def record(
 def record(kind: type[T] | None = None, /, **options: bool) -> Any:
     """Make a frozen dataclass that checks its declared fields before its own ``__post_init__``.
 
-    A docstring without a Parameters section gets one, and Raises if missing, from the declarations.
+    If a docstring has no Parameters section, that and a missing Raises section are generated.
     """
 
     def make(kind: type[T]) -> type[T]:

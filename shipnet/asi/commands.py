@@ -99,7 +99,7 @@ class _OfSlave:
 
 @record
 class ReadCodes(_OfSlave):
-    """Read the profile and the ID code 1 of a slave, which need not be in any list.
+    """Read the profile and ID code 1 of a slave, which need not be in any list.
 
     Examples
     --------

@@ -296,8 +296,9 @@ class Plan:
 
         `telegrams` is one telegram, or the bits of several telegrams of equal length; the default
         is all 16 responses. The voltages exclude the supply's 30 V and are the same in both
-        directions. They are sampled every `dt` [s], 3 us divided by an integer, from `before` [s]
-        before to `after` [s] after the telegram. The plan must have one segment with a master.
+        directions. The time between samples, `dt` [s], must be 3 us divided by an integer; they
+        begin `before` [s] before the telegram and end `after` [s] after it. The plan must have one
+        segment with a master.
         """
         segment = self.only("waveform")
         nodes = [node for _, node in segment.listeners] if node is None else [node]

@@ -326,7 +326,7 @@ class Waveform(line_waveform.Waveform):
 
 
 def matched_filter(u: npt.ArrayLike, dt: float) -> Floats:
-    r"""Filter the line voltage, less its mean, with the shape of a pulse: optimal in white noise.
+    r"""Filter the line voltage, less its mean, with the pulse shape, which is best in white noise.
 
     .. math:: y(t) = \frac{8}{3 T_h} \int_{-T_h/2}^{T_h/2}
               \cos^2 \frac{\pi \tau}{T_h} \; u(t + \tau) \, d\tau

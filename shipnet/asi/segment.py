@@ -146,7 +146,7 @@ def telegram_voltages(
     def change(s: Complexes) -> Complexes:
         return np.asarray(network.transfer(master, s)[..., rows, :] * _sent(before, s.tobytes()))
 
-    # A telegram is a sequence of equal current steps. The voltage of a step soon fades if there is
+    # A telegram is a sequence of equal current steps. The voltage of a step soon decays if there is
     # a supply; if it keeps ringing, it is computed for the length of the longest record.
     short = ceil((before + _FADED) / dt)
     grid = short * dt, f_max, _DAMPING

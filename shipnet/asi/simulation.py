@@ -278,7 +278,7 @@ class Run:
 
     @cached_property
     def lists(self) -> pd.DataFrame:
-        """Changes of the lists of slaves: ``time_s``, ``list``, ``slave``, ``present``."""
+        """Changes to the lists of slaves: ``time_s``, ``list``, ``slave``, ``present``."""
         rows = [change for master in self.masters for change in master.lists.changes]
         return pd.DataFrame(rows, columns=["time_s", "list", "slave", "present"])
 
@@ -321,8 +321,8 @@ class Run:
         ``least_s``, ``mean_s`` and ``longest_s`` are the times from a change of an input to the end
         of the response that reports it. Changes are assumed to occur at random times from the first
         to the last successful cyclic exchange, even while the slave was dropped. ``update_s`` is
-        the longest time between two responses. For a slave that transfers values, converted as in
-        `Cycle.response_time`, the times are those of one channel.
+        the longest time between two responses. For a slave that transfers values, the times are
+        those of one channel, computed as in `Cycle.response_time`.
         """
         good = self._exchanges.query("cyclic and not failed")[["slave", "sampled", "known"]]
         parts = dict(list(good.groupby("slave", sort=False)))

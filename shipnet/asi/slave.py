@@ -142,7 +142,7 @@ class Slave:
 
     @property
     def half(self) -> Half | None:
-        """The half of the address that its label names, A or B; None if it names neither."""
+        """The half of the address that the slave's label names, A or B; None if it names none."""
         return slave_key(self.label)[1]
 
     def listen(self, telegrams: Iterable[str]) -> pd.DataFrame:

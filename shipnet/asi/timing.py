@@ -272,7 +272,7 @@ class Cycle:
     ) -> ResponseTime:
         """Return the response times to a change of an input, or of an output.
 
-        A slave for single bits reads its inputs when the request ends. At best, the change comes
+        A slave with digital inputs reads them when the request ends. At best, the change comes
         just before this moment. At worst, it comes just after that and waits for the next request
         to the slave, one cycle later, or two if the slave shares its address (`paired`; by default,
         if the cycle has pairs). Delays of the input itself, such as a filter's, must be added.

@@ -95,7 +95,7 @@ def star(
     legs : sequence of float
         Length of each leg [m]; each leg has a slave at its end.
     along : int or sequence of float, default ()
-        Slaves on the trunk, given like `slaves` of `line`; they have the first addresses.
+        Slaves on the trunk, in the form of `slaves` of `line`; they get the first addresses.
     pairs, master, supply, cable, current
         As for `line`.
 

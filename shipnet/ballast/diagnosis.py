@@ -83,7 +83,7 @@ class Run:
 
     @cached_property
     def DVPos(self) -> Floats:
-        """Speed of VPos [%/s]; NaN unless the motor has run throughout the last second."""
+        """Rate of change of VPos [%/s]; NaN unless the motor has run throughout the last second."""
         return stroke_speed(self.speed, self.ran)
 
     @cached_property
@@ -338,7 +338,7 @@ class Diagnosis:
         at too few instants is not active yet.
         """
         if not self.time.size:
-            raise ArgumentError(f"time is {time!r}; the run has no instants")
+            raise ArgumentError(f"time is {time!r}; the run contains no readings")
         at = check_scalar("time", time, "s", float(self.time[0]), inf)
         row, k = int(np.searchsorted(self.time, at + 1e-9, side="right")) - 1, self._place(valve)
         given = {name: x[row : row + 1, k] for name, x in self.samples.items()}

@@ -163,7 +163,7 @@ class Change(NamedTuple):
     value: float
 
 
-#: Meaning and changes of each fault, by its code in the rule table.
+#: Meaning of each fault and the changes that it causes, by its code in the rule table.
 FAULTS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "G1": ("pressure gauge reads too high", (Change("FP", "added", 125.0),)),
     "P1": (

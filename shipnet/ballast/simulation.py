@@ -62,7 +62,7 @@ def simulate(
     system : System or int
         The valves, or their number if they are commanded and read directly.
     commands : iterable of Command, optional
-        Commands to the valves, in any order. A master sends them one by one, between two polls.
+        Commands to the valves, in any order. A master sends one at a time, between polls.
     faults : Fault or iterable of Fault, optional
         Faults of the valves and, with a master, of the line (`shipnet.modbus`).
     until : float

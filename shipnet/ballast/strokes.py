@@ -25,8 +25,8 @@ from shipnet.intervals import share_interval
 from shipnet.lazy import pd
 from shipnet.line.scope_file import read_arrays
 
-#: Channels of a point in counts of the converter; each acceleration is ten times its standard
-#: deviation within the point.
+#: Channels of a point, in counts of the converter. Accelerations are given by their standard
+#: deviations within the point, times ten.
 CHANNELS = (
     "angle", "pressure_1", "pressure_2", "pressure_3",
     "accel_1_std_x10", "accel_2_std_x10", "accel_3_std_x10",

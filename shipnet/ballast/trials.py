@@ -183,7 +183,7 @@ def fault_trials(
         Methods of diagnosis, applied to the same readings: ``crisp``, ``midpoint`` and ``fuzzy`` if
         omitted.
     rng : Generator, int or None
-        Source of the valves' differences and of the sensors' noise, for `numpy.random.default_rng`.
+        Seed or generator (`numpy.random.default_rng`) of valve differences and sensor noise.
 
     Returns
     -------

@@ -85,7 +85,8 @@ class _Clock:
             np.argsort(event, kind="stable"),
             np.argsort(event + jitter[which], kind="stable"),
         )
-        #: Sorted events, their messages, and the work before each; then the sorted latest releases.
+        #: Times of the events in order, their messages and the work before each; `latest` has the
+        #: latest times of release, in order.
         self.event = event[early]
         self.message = np.asarray(members)[which[early]]
         self.work = np.r_[0, np.cumsum(frame[which[early]])]

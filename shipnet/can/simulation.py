@@ -385,7 +385,7 @@ def _releases(
     counts = np.maximum(-(-(horizon - columns.offset) // columns.period), 0)
     if counts.sum() > MOST_FRAMES:
         raise ArgumentError(
-            f"until is {horizon / 1e9} s, which releases {counts.sum()} frames; at "
+            f"until is {horizon / 1e9} s; {counts.sum()} frames would be released by then, at "
             f"most {MOST_FRAMES} are allowed"
         )
     message = np.repeat(np.arange(len(counts)), counts)

@@ -21,7 +21,7 @@ from shipnet.lazy import pd
 #: Indices of the runs that are cut, and of the devices that are dead.
 Failure = tuple[Collection[int], Collection[int]]
 _NONE: Integers = np.empty(0, np.int64)
-#: Nodes at both ends of each edge, and the run of the edge; -1 if it is not a run.
+#: Nodes at both ends of each edge, and the index of its run; -1 if the edge is not a cable run.
 Edges = tuple[Integers, Integers, Integers]
 
 #: Kinds of devices that join lines A and B, and kinds that block all lines when dead.

@@ -262,9 +262,9 @@ _NONE_FOUND = "none found in the public texts consulted"
 #: The rules of section II in the order of the paper.
 RULES = (
     Rule("CPU duplicated", "CPUs", "the CPU is duplicated",
-         "points lost by a dead CPU", "", 0, "cpus", _lost, _NONE_FOUND),
+         "points lost with a dead CPU", "", 0, "cpus", _lost, _NONE_FOUND),
     Rule("supply duplicated", "supplies", "the power supply is duplicated",
-         "points lost by a dead supply", "", 0, "supplies", _lost,
+         "points lost with a dead supply", "", 0, "supplies", _lost,
          "SOLAS II-1/51: a stand-by supply for the alarm system"),
     Rule("supply changes over", "supplies", "the supply changes over within 2 s",
          "change-over", "s", 2.0, "power_switch_over", _itself,

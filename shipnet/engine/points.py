@@ -173,7 +173,7 @@ class PointList(tuple[Point, ...]):
         return pd.DataFrame(rows, columns=list(_COLUMNS)).set_index("tag")
 
     def counts(self) -> pd.DataFrame:
-        """Return the number of points by box and condition, with totals in a last row ``all``."""
+        """Return the number of points by box and condition; the last row is the total, ``all``."""
         rows = []
         for own in (*self.by_box().values(), self):
             kinds = [point.condition for point in own]

@@ -417,7 +417,7 @@ class Run:
         check_scalar("start", start, "s", -1.0, 1e6)
         check_scalar("stop", stop, "s", -1.0, 1e6 + 60)
         if not start < stop <= start + 60:
-            raise ArgumentError(f"stop is {stop!r} s; it must be up to 60 s later than {start!r} s")
+            raise ArgumentError(f"stop is {stop!r} s; it must be at most 60 s after {start!r} s")
         span = nanoseconds(start), nanoseconds(stop)
         rows: dict[str, _Slices] = {}
         for box, name in enumerate(self.system.boxes):

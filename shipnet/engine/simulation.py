@@ -66,7 +66,7 @@ def simulate(
         Start of a round, by box, and of the first poll, under ``"AMS"``; 0..100 [s]. Phases not
         given are 0, or random if `rng` is given.
     rng : optional
-        Source of random numbers, for `numpy.random.default_rng`; required if frames are lost.
+        Seed or generator (`numpy.random.default_rng`); required if frames are lost.
 
     Returns
     -------

@@ -296,7 +296,7 @@ class _HandIn:
         return lines if len("".join(lines.split())) >= _LONG else ""
 
     def grade(self) -> None:
-        """Run the cells and judge every exercise of the notebook's lessons."""
+        """Run the cells and grade every exercise of the notebook's lessons."""
         keys = []
         for lesson in sorted({int(key[3:5]) for key in self.checks if key[3:5].isdecimal()}):
             with suppress(ArgumentError):  # there is no such lesson

@@ -39,7 +39,7 @@ MOST_NUMBERS, MOST_PER_BYTE = 2**24, 4
 #: Size above which a numpy file is memory-mapped instead of read [byte].
 MAPPED = 2**26
 
-#: Limits on logic bytes per byte of a session (deflate reaches 1032) and on level changes.
+#: Maximum ratio of logic data to the session file (deflate reaches 1032), and number of changes.
 MOST_LOGIC_PER_BYTE, MOST_EDGES = 1100, 2**24
 
 #: Number of logic samples per block.

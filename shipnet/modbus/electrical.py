@@ -18,8 +18,8 @@ _NI = "National Instruments, PCMCIA-232 manual, table B-1"
 _BRAINBOXES = "Brainboxes, FAQ 'RS232 RS422 RS485 standards'"
 _TI = "Texas Instruments, SN75ALS174 data sheet SLLSFU5A, section 8.2.2.3"
 
-#: 4000 ft as printed in the tables [m], and the product of 10 Mbit/s and 40 ft, or of 100 kbit/s
-#: and 4000 ft [m bit/s].
+#: The 4000 ft of the tables [m], and the product of bit rate and length [m bit/s]: 100 kbit/s over
+#: 4000 ft, the same as 10 Mbit/s over 40 ft.
 _FEET_4000 = 1219.0
 _PRODUCT = _FEET_4000 * 100e3
 

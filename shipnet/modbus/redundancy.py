@@ -203,7 +203,7 @@ class Loop:
         return Reach(n, last_a, first_b, frozenset(dead))
 
     def worst_gap(self, faults: Faults) -> Floats:
-        """Return, per slave, the longest time between two responses that the faults can cause [s].
+        """Return the longest gap between responses that the faults can cause for each slave [s].
 
         All faults are assumed to begin at the same time and to be permanent; their own times are
         ignored. The gap of a lost slave is infinite. The gap of a moved slave is also its longest

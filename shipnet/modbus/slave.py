@@ -161,10 +161,10 @@ class Slave:
     holding_registers, input_registers : mapping of int to int, or sequence of int, optional
         Registers by address, 0..65535 each.
     limits : mapping of int to (int, int), optional
-        Lowest and highest value that may be written to a holding register, by address; exception 3
-        refuses other values.
+        Lowest and highest value that may be written to a holding register, by address; other
+        values are refused with exception 3.
     functions : collection of int, optional
-        Function codes served, by default all of `FunctionCode`; exception 1 refuses others.
+        Function codes served, by default all of `FunctionCode`; others get exception 1.
     delay : float, default 0
         Time before the response is sent, 0..3600 [s]. The request is executed at once.
     exception : ExceptionCode, optional

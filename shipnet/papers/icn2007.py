@@ -363,7 +363,7 @@ def keeps_all_rules(plan: Plan) -> bool:
 
 
 def trunk_and_star(leg: float = 10 / SLAVES, supply: float = 90.0) -> Plan:
-    """Return 90 m of cable, fed at `supply` [m], and at its end a star of 62 legs of `leg` [m]."""
+    """Return a plan of 90 m of cable, fed at `supply` [m], with 62 legs of `leg` [m] at its end."""
     return star(90, [leg] * SLAVES, supply=supply)
 
 

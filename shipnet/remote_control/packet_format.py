@@ -31,7 +31,7 @@ _CHUNK = 1 << 16
 
 #: The fault of a rejected packet; the last text continues with the legal numbers.
 _FAULTS: Mapping[type[FrameError], str] = {
-    LengthError: "has a length that fits no number of items",
+    LengthError: "has a length that no number of items gives",
     FormError: "does not have the form of a packet",
     CrcError: "has a CRC that does not match its bytes",
     FieldError: "has numbers that are not all",

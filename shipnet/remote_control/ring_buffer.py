@@ -256,7 +256,7 @@ class Ring:
         return pd.DataFrame(rows, columns=columns)
 
     def cases(self) -> RingCases:
-        """Return the cases for all leads of the writer below three laps."""
+        """Return the cases for a writer that is less than three laps ahead of the reader."""
         check_whole("size", self.size, 2, 512)
         return RingCases(self.size)
 

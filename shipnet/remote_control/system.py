@@ -381,7 +381,7 @@ class System:
 
         .. math:: T_i' = t + P + W + b \, t_c
 
-        where RCS waits for the time W, until it declares SS failed or the turn times out. If SS
+        where W is the time that RCS waits until it declares SS failed or the turn times out. If SS
         dies while it is sending, RCS keeps part of a packet. This part can corrupt the response of
         BCS, and RCS then waits in vain for both slaves; `Cascade.longest` assumes that this always
         happens. RCS can even declare BCS failed, unless the turn times out first.

@@ -40,7 +40,7 @@ from shipnet.tools._view import (
     write_state,
 )
 
-#: Maximum number of faults of a file that are listed.
+#: Maximum number of faults listed per file.
 _FAULTS = 50
 
 #: Message shown if a file or a button changed nothing.

@@ -19,8 +19,8 @@ from shipnet.line.cable import Cable
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
 
-#: Cables to choose from. The extremes combine limits of a data sheet, 0.5 to 0.75 uH/m and at most
-#: 80 pF/m (Lapp, UNITRONIC BUS ASI), with the resistance of the nominal cable.
+#: Cables to choose from. The extremes combine limits from a data sheet (Lapp, UNITRONIC BUS ASI:
+#: 0.5 to 0.75 uH/m, at most 80 pF/m) with the resistance of the nominal cable.
 CABLE_CHOICES = MappingProxyType[str, str | Cable](
     {
         "nominal: 100 ohm, 6.5 ns/m": "as-i 1.5",

@@ -176,7 +176,7 @@ class ShipDesign(Tool):
     )  # fmt: skip
     labour: float = number(
         10, 200, default=55.0, step=5, unit="EUR/h", label="labour rate",
-        help="Hourly cost of an electrician, with overhead; its range is scaled as well. Assumed.",
+        help="Hourly cost of an electrician, with overhead; low and high scale with it. Assumed.",
     )  # fmt: skip
     parts: float = number(
         0.25, 4, default=1.0, step=0.05, label="price of bus parts",

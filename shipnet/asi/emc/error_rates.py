@@ -90,7 +90,7 @@ _REACH = 1.25
 
 #: Largest ratio of `minimum` to the first pulse for which the closed form holds after a matched
 #: filter. Above it, the peak of a weakened first pulse may shift by some samples, which the formula
-#: ignores: at 0.45, simulated rates are 2 times the formula's at 1e-4 and 26 times at 1e-8.
+#: ignores: for a ratio of 0.45, simulated rates are twice a computed 1e-4, and 26 times 1e-8.
 _HIGHEST_MINIMUM = 0.35
 
 #: Number of standard deviations beyond which noise is ignored.

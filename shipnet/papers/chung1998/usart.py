@@ -9,7 +9,7 @@ from typing import NamedTuple
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 
-#: Characters after which a loop that still writes the same byte counts as endless.
+#: Number of characters after which a loop that still writes the same byte counts as infinite.
 _MOST_CHARACTERS = 10_000
 
 

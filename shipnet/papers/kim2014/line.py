@@ -108,7 +108,7 @@ def every_slave_has_two_ways(*, dead: Literal["A", "B", ""] = "", slaves: int = 
 
 @check("kim2014-051", counter={"at_end": False})
 def sensors_are_seen_before_the_reply(*, at_end: bool = True, movement: float = 10.0) -> bool:
-    """Whether a valve is polled as it moves; it responds to a command on arrival or at once."""
+    """Whether a moving valve is polled if it responds at the end of its movement, or at once."""
     table = answer_table(SerialLine(9600), 5, movement, timeout=2 * movement)
     row = table.loc["at the end" if at_end else "at the start"]
     return bool(row["answered"] and row["polls_while_moving"] > 0)
@@ -126,7 +126,7 @@ def break_table(
 ) -> pd.DataFrame:
     """Return how long data are missing when the loop breaks in its middle, at 9600 bit/s.
 
-    The master moves each slave to the other port alone, or with all slaves downstream of it.
+    The master moves to the other port either one slave at a time or also all slaves downstream.
     """
     middle = [Break((n_slaves + 1) // 2)]
     rows = []
