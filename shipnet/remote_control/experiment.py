@@ -281,7 +281,7 @@ def recommend(
         Only bit rate, character, processing and ``turn_timeout`` are used; by default the paper's
         link. Without a ``turn_timeout``, a turn ends after half a cycle, twice the time of a
         response; with the printed wait until the counters reach the limit, a wrong position would
-        be shown for 4.4 s longer.
+        be shown for up to 4.4 s longer.
     rate : float, default 1e-5
         Bit error rate, 0..0.1; our assumption, because the paper states none.
     stale_time : float, default 3
