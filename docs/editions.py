@@ -8,7 +8,7 @@
     python docs/editions.py handout             build/handout.zip, for students
 
 A source is a MyST notebook: Markdown with code cells. The students' edition leaves out the
-solutions; the solutions' edition contains only the title, the setup and the solved exercises.
+solutions; the edition with solutions contains only the title, the setup and the solved exercises.
 """
 
 from __future__ import annotations

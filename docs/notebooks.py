@@ -417,7 +417,7 @@ def main(argv: list[str] | None = None, root: Path = ROOT) -> int:
     storing = commands.add_parser("store", help="show what would change in the stored outputs")
     storing.add_argument("--accept", action="store_true", help="store the changes")
     storing.add_argument("paths", nargs="*", type=Path, help="notebooks; default: all")
-    asking = commands.add_parser("affected", help="list the notebooks that changed files affect")
+    asking = commands.add_parser("affected", help="list the notebooks affected by changed files")
     asking.add_argument("files", nargs="*", help="files of the repository, such as data/claims.csv")
     given = parser.parse_args(argv)
     if given.command == "run":

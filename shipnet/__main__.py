@@ -350,7 +350,7 @@ def _parser() -> argparse.ArgumentParser:
 
     parser = argparse.ArgumentParser(
         prog="shipnet",
-        description="Simulate and design field buses of ships, and check papers about them.",
+        description="Simulate and design field buses for ships, and check papers about them.",
         epilog="example: shipnet ledger kim2023",
     )
     parser.add_argument("--version", action="version", version=f"shipnet {__version__}")

@@ -115,8 +115,8 @@ class Crc:
     def undetected(self, payload: int = 6, flips: int = 2) -> int:
         """Return how many patterns of `flips` (1 or 2) wrong bits the check does not detect.
 
-        Any bits of the payload (1..16 bytes) and of the CRC may be wrong. On CAN these are the bits
-        before stuffing: on the wire, two wrong bits can change stuff bits and shift all in between.
+        Any bits of the payload (1..16 bytes) and CRC may be wrong. On CAN these are the bits before
+        stuffing: two wrong bits on the wire can change stuff bits and so shift the bits in between.
 
         All 64 single and 2016 double errors in a request of 8 bytes are detected:
 

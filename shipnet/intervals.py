@@ -15,7 +15,7 @@ from shipnet.errors import ArgumentError
 def share_interval(
     hits: npt.ArrayLike, trials: npt.ArrayLike, *, confidence: float = 0.95
 ) -> tuple[Floats, Floats]:
-    """Return the Clopper-Pearson interval for a fraction of trials; without trials it is 0..1.
+    """Return the Clopper-Pearson interval for a proportion; it is 0..1 if there are no trials.
 
     C. J. Clopper, E. S. Pearson, "The use of confidence or fiducial limits", Biometrika 26 (1934),
     404-413.

@@ -292,9 +292,8 @@ def _workbook(
             found = _table(source, book, chosen, worths[chosen][1])
             return replace(found, remarks=(Remark(said, detail=not (rest and name is None)),))
     where = f"the sheets {', '.join(shown)}" if name is None else f"the sheet {name}"
-    more = (
-        f"; hidden, read if named: {', '.join(book.hidden)}" if name is None and book.hidden else ""
-    )
+    more = (f"; hidden sheets, which are read only if named: {', '.join(book.hidden)}"
+            if name is None and book.hidden else "")  # fmt: skip
     raise InputError(source, f"has no row of {what}, on {where}{more}")
 
 

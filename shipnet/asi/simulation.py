@@ -335,7 +335,7 @@ class Run:
             {
                 "slave": good["slave"],
                 "least_s": good["known"] - good["sampled"],
-                # A value that is transferred again reports nothing new.
+                # A repeated sample conveys no change; 0 leaves it out of the maximum.
                 "longest_s": (good["known"] - before["sampled"]).where(
                     good["sampled"] > before["sampled"], 0.0
                 ),

@@ -123,7 +123,7 @@ class Command:
 
         Each valve gets `operations` commands up to the time `until` [s]. Groups of `group` valves
         start 30 s apart. While any motor runs, all valves are read at 10 Hz by default, so a plan
-        in which motors run together is simulated faster. The paper prints no plan; this is ours.
+        in which motors run together is simulated faster. The paper gives no plan; this one is ours.
         """
         valves = check_whole("n_valves", n_valves, 1, 10_000)
         times = check_whole("operations", operations, 1, 1000)

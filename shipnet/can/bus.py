@@ -133,7 +133,7 @@ class Nodes:
         self.rest_until = [0] * number
         #: Number of times each node went bus off.
         self.bus_off = [0] * number
-        #: Number of correct frames sent by each node that the counters do not include yet.
+        #: Number of correct frames per sender that its error counters do not include yet.
         self.good = [0] * number
         #: True if no node is error passive, bus off or suspended; then the counters do not matter.
         self.calm = True

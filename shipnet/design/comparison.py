@@ -300,7 +300,7 @@ class Comparison:
         mix: Mapping[str, str] | None = None,
         name: str | None = None,
     ) -> Design:
-        """Plan the same points with the same cabinet; settings not given are the first design's."""
+        """Plan another design with the first one's points, cabinet and, unless given, settings."""
         values = self.settings.replace(settings or {})
         return plan(
             self.iolist, self.site, option, settings=values, mix=mix, name=name, rules=self.rules

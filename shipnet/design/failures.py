@@ -384,8 +384,8 @@ def _nth(values: Integers) -> Iterator[Integers]:
 
 # Single failures of a planned design: one cable, pair or device fails at a time ------------------
 
-#: Kinds of failures: a cut cable, a short circuit in a pair of a bus or supply, which affects all
-#: cables of the pair, and a dead device.
+#: Kinds of failures: a cut cable; a short circuit between the conductors of a bus or supply pair,
+#: which affects all cables of that pair; and a dead device.
 FAILURES = ("cut", "short", "device")
 
 

@@ -223,7 +223,7 @@ def read_iolist(
     path : path
         The file.
     sheet : str, optional
-        Sheet of a workbook; by default the visible sheet with the most known titles.
+        Sheet of a workbook; by default, the visible sheet with the largest number of known titles.
     settings : Settings or mapping, optional
         Settings whose tables ``columns``, ``signals``, ``frames`` and ``decks`` define the list's
         own words.

@@ -66,7 +66,7 @@ def score(reading: Reading) -> Callable[[Sequence[str]], float]:
 
 
 class Cells:
-    """The columns of a sheet, a cell per point, and the remarks and faults found in the sheet."""
+    """The columns of a sheet (one cell per point), and the remarks and faults found in it."""
 
     def __init__(self, sheet: Sheet, reading: Reading) -> None:
         self.sheet, self.reading = sheet, reading

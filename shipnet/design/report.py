@@ -391,7 +391,7 @@ def _pictures(found: Any, likely: pd.DataFrame) -> str:
         picture(ranges("conductors_at_cabinet"), "Conductors in use that enter the cabinet."),
         picture(
             svg(lambda ax: plot_pareto(dots, best, ax=ax)),
-            "Points lost by the worst failure against cost; filled dots: Pareto-optimal designs.",
+            "Points lost in the worst failure, against cost; filled dots: Pareto-optimal designs.",
         ),
     ]
     if best:

@@ -56,7 +56,7 @@ class Cpu:
     def queue(self, due: Integers, work: int) -> Integers:
         """Return the start times of jobs that run one after another, as CPU times (see `at`) [ns].
 
-        `due` must be in rising order; `work` is the CPU time per job.
+        `due` must be in ascending order; `work` is the CPU time per job.
         """
         number = work * np.arange(due.size, dtype=np.int64)
         return np.asarray(number + np.maximum.accumulate(self.until(due) - number), dtype=np.int64)

@@ -70,7 +70,7 @@ def serve(
     Parameters
     ----------
     system : System, optional
-        The system, which must have the printed coding; by default the one of lee2012.
+        The system, which must have the printed coding; by default, that of lee2012.
     faults : fault or iterable of faults, optional
         Faults in simulated time; random losses cannot be served. A box that is dead, or cut off
         from the AMS, does not respond. If the CAN frames of a box are not received, its values stay
@@ -143,7 +143,7 @@ def fault_registers(system: System | None = None) -> pd.DataFrame:
     Parameters
     ----------
     system : System, optional
-        The system; by default the one of lee2012.
+        The system; by default, that of lee2012.
 
     Returns
     -------

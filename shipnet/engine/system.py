@@ -93,10 +93,10 @@ class Firmware:
     )  # fmt: skip
     receive: float = number(
         1e-9, 1e-3, "s",
-        "Time of the CAN interrupt, which reads a frame and restarts a timer", default=50e-6,
+        "Time that the CAN interrupt takes to read a frame and restart a timer", default=50e-6,
     )  # fmt: skip
     mark: float = number(
-        1e-9, 1e-3, "s", "Time of the timer interrupt, which marks a silent box", default=100e-6
+        1e-9, 1e-3, "s", "Time that the timer interrupt takes to mark stale values", default=100e-6
     )
     processing: float = number(
         1e-9, 1, "s",
@@ -593,8 +593,8 @@ class System:
 
         where :math:`t_{silent}` is the time of a request and its time-out, T the time from poll to
         poll, and A the age from `worst_age`. If frames are damaged at random, each try may take
-        :math:`t_{poll}`. The start and the end of a failure on CAN each destroy the frames of one
-        round; A grows by one update period each time. A silent box has the bound of
+        :math:`t_{poll}`. When a failure on CAN begins, and again when it ends, the frames of one
+        round are lost; A grows by one update period each time. A silent box has the bound of
         `staleness_flag`. In the printed design, lasting random losses on CAN leave A without a
         bound: any frame keeps all values of its box valid.
         """
@@ -622,7 +622,7 @@ class System:
             # The polled box needs no CAN for its own values.
             oldest = healthy if fault.where == self.boxes[0] else lasts + period + healthy
         elif isinstance(fault, BusOff | CanBreak | DeadBox):
-            # The beginning and the end of a fault each destroy the frames of a round.
+            # When a fault begins, and again when it ends, the frames of one round are lost.
             oldest += period * (1 if lasts == inf else 2)
             if not (isinstance(fault, CanBreak) and len(self.segments) == len(self.boxes)):
                 oldest = max(oldest, self.staleness_flag().oldest)
@@ -642,7 +642,7 @@ class System:
 
     @property
     def places(self) -> Mapping[str, tuple[str, ...]]:
-        """The places that can fail, by the attribute `at` of a fault."""
+        """The places where a fault can occur, keyed by the fault's attribute `at`."""
         return {
             "cable": self.segments,
             "channel": ("1", "2"),

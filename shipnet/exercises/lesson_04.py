@@ -96,7 +96,7 @@ def _fit(limit: float, exchanges: int, tail: int = 10, times: int = 1) -> int:
 # With each limit, one slave too many seems to fit if the last pause and response are omitted.
 @solution("ex-04-4", limit=(2.2, 2.5, 2.7, 3.0, 3.3, 3.8, 4.1, 4.4, 4.7, 5.0), repetitions=(3, 4))
 def most_slaves(limit: float, repetitions: int) -> Solution:
-    """Largest number of slaves with which the master learns of a change in time."""
+    """Largest number of slaves for which the master learns of a change within the limit."""
     right = _most(limit, repetitions)
     return Whole(right, "slaves"), {
         "each repetition takes the time of one exchange": _most(limit, 0),

@@ -129,7 +129,7 @@ _TRIED = [
 def persistence() -> Solution:
     """Readings for which a code is active if its rule fires intermittently."""
     return Function(_persistent, _TRIED, Bits), {
-        "k readings are enough: k or more, not more than k": (
+        "k readings are enough; you seem to require more than k": (
             lambda fires, k, n: _marks(part.count("1") > k for part in _windows(fires, n))
         ),
         "the k readings need not be consecutive": (

@@ -106,7 +106,7 @@ class Term:
     name : str
         The word, such as ``high``: letters, digits and underscores, the first a letter.
     corners : tuple of float
-        Left foot, left shoulder, right shoulder and right foot of the trapezoid, in rising order.
+        The trapezoid's left foot, left shoulder, right shoulder and right foot, in ascending order.
         A foot that equals its shoulder makes a step. If both left corners are -inf, or both right
         corners inf, the shoulder on that side is open.
     crisp : Interval or str
@@ -330,7 +330,7 @@ class Rule:
 
     def __post_init__(self) -> None:
         if check_word("code", self.code) in (NORMAL, UNKNOWN):
-            raise ArgumentError(f"code is {self.code!r}, which means that no rule fires")
+            raise ArgumentError(f"code is {self.code!r}, which is reserved for when no rule fires")
         given: Any = self.antecedent
         parts = (
             [one.strip().split(".") for one in given.split("&")]

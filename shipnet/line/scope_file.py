@@ -1,6 +1,6 @@
 """Read recorded waveforms from scope CSV files, numpy arrays and sigrok sessions.
 
-Text files of different manufacturers have different headers. The last rows of a file show which
+Text files from different manufacturers have different headers. The last rows of a file show which
 columns contain numbers; the header, with titles and units, ends where rows of this kind begin.
 Known layouts: Tektronix TDS and MDO, Keysight, Rigol, Siglent, LeCroy, PicoScope, Rohde & Schwarz,
 OWON, Digilent.
@@ -269,7 +269,7 @@ def _check_real(file: str, what: str, array: npt.NDArray[Any]) -> Floats:
 
 
 def _rounding(times: npt.NDArray[Any]) -> float:
-    """Return the step to which the largest of an array of times is rounded; 0 for integers."""
+    """Return the floating-point spacing at the largest of the times; 0 for integers."""
     return float(np.spacing(np.abs(times).max())) if times.dtype.kind == "f" else 0.0
 
 

@@ -49,7 +49,7 @@ _CRC_BITS, _DIGITS = 16, 80
 _NUMBER_CHECKS = {
     "any": "any number is accepted",
     "known": "the number must be in the receiver's table",
-    "rising": "the numbers must be in the table and in rising order",
+    "rising": "the numbers must be in the table and in ascending order",
 }
 
 

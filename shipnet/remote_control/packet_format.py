@@ -173,8 +173,8 @@ class PacketFormat:
     def encode_batch(self, numbers: npt.ArrayLike, values: npt.ArrayLike) -> Bytes:
         """Return many packets as rows of bytes, each as returned by `encode`.
 
-        `values` has the shape (n_packets, n_items); `numbers`, in rising order in each row, has the
-        same shape or (n_items,).
+        `values` has the shape (n_packets, n_items); `numbers`, in ascending order in each row, has
+        the same shape or (n_items,).
         """
         value = _whole("values", values, 0xFFFF)
         number = _whole("numbers", numbers, self.n_numbers - 1)
@@ -184,7 +184,7 @@ class PacketFormat:
                 "must be (n_packets, n_items), and numbers the same or (n_items,)"
             )
         if (np.diff(number, axis=-1) <= 0).any():
-            raise ArgumentError("numbers must be in rising order in each row")
+            raise ArgumentError("numbers must be in ascending order in each row")
         n_packets, n_items = value.shape
         items = np.empty((n_packets, n_items, 3), np.uint8)
         items[..., 0], items[..., 1], items[..., 2] = number, value & 0xFF, value >> 8
@@ -218,7 +218,7 @@ class PacketFormat:
     def error_shares(self, n_items: int, rate: float) -> Shares:
         """Return the fractions of intact, detected and undetected packets, in closed form.
 
-        Bits are inverted independently with the probability `rate`, 0..0.5; start and stop bits are
+        Bits are inverted independently with probability `rate`, 0..0.5; start and stop bits are
         not modelled.
         """
         p = check_scalar("rate", rate, "", 0, 0.5)
@@ -318,7 +318,7 @@ def _single_flip_share(packet_format: PacketFormat, n_items: int) -> float:
 
 
 def _hits(n_bits: int, p: float, rng: np.random.Generator) -> Integers:
-    """Return random places of inverted bits among `n_bits` bits, in rising order."""
+    """Return random places of inverted bits among `n_bits` bits, in ascending order."""
     if p == 0 or n_bits == 0:
         return np.zeros(0, np.int64)
     parts, reached = [], -1

@@ -7,7 +7,7 @@ The four variables show one of four cases:
 - a: same flags, ``no < get_no``: the reader seems to have passed the writer;
 - b: same flags, ``no >= get_no``: in order, or empty;
 - c: different flags, ``no >= get_no``: the writer seems to have passed the reader;
-- d: different flags, ``no < get_no``: in order, across the end of the ring.
+- d: different flags, ``no < get_no``: in order; the writer has wrapped around.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class Ring:
 
     @classmethod
     def filled(cls, unread: int, get_no: int = 0, size: int = 128, rule: Rule = "intended") -> Ring:
-        """Return a ring with this many `unread` bytes and the reader at place `get_no`.
+        """Return a ring with `unread` unread bytes and the reader at index `get_no`.
 
         The bytes stored are 0, 1, 2, ..., modulo 256.
         """

@@ -225,7 +225,7 @@ def read_capture(
     ------
     InputError
         If the file cannot be read, or has no time information, fewer than 2 samples per bit, more
-        than 2**22 edges, or too few edges to find a bit rate that is not given.
+        than 2**22 edges or, if `bit_rate` is not given, too few edges to determine it.
 
     Notes
     -----

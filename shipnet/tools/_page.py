@@ -270,7 +270,7 @@ class Controls:
         rows = {}
         for name, control in self.widgets.items():
             kind = self._asked[name]
-            # Registered first, so that a control beyond its new limit is moved before it is read.
+            # Observe this first: a value above its new limit is reduced before `_changed` reads it.
             if isinstance(kind, Whole) and kind.at_most:
                 self._bound(control, kind, self.widgets[kind.at_most])
             control.tooltip = kind.help

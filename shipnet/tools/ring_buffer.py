@@ -46,7 +46,7 @@ CASES = MappingProxyType(
         "a": "same flags, no < get_no: the reader seems to have passed the writer",
         "b": "same flags, no >= get_no: in order, or empty",
         "c": "flags differ, no >= get_no: the writer seems to have passed the reader",
-        "d": "flags differ, no < get_no: in order, across the end",
+        "d": "flags differ, no < get_no: in order; the writer has wrapped around",
     }
 )
 

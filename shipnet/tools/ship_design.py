@@ -38,7 +38,7 @@ PICTURES = {
     "cost": "cost of each option, with its range",
     "conductors_at_cabinet": "conductors against cost",
     "worst_response_ms": "worst response against cost",
-    "lost_by_failure": "points lost by one failure against cost",
+    "lost_by_failure": "points lost in the worst failure, against cost",
     "assumptions": "the assumptions that matter most",
 }
 

@@ -199,7 +199,9 @@ def test_a_hidden_sheet_is_read_only_by_its_name(tmp_path):
     del book["Rev A"]
     book.create_sheet("Cover").append(["Hull 1234"])
     book.save(path)
-    with pytest.raises(InputError, match=r"on the sheets Cover; hidden, read if named: Rev B$"):
+    with pytest.raises(
+        InputError, match=r"the sheets Cover; hidden sheets, which are read only if named: Rev B$"
+    ):
         read_iolist(path)
 
 

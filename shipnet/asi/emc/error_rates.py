@@ -365,9 +365,9 @@ def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.Dat
 def burst_failures(
     inside: float, rng: RNGLike | None = None, packets: int = 1000, *, slaves: int = 31
 ) -> pd.DataFrame:
-    """Count series of failures when packets of a burst hit the cycles of a network.
+    """Count runs of consecutive failures when bursts disturb the polling cycles of a network.
 
-    Packets of 15 ms come every 300 ms, as in IEC 61000-4-4.
+    A burst is a packet of pulses that lasts 15 ms; one comes every 300 ms, as in IEC 61000-4-4.
 
     Parameters
     ----------
@@ -383,7 +383,7 @@ def burst_failures(
     Returns
     -------
     pandas.DataFrame
-        One row per length of a series, ``failures`` 1..6: the number of such ``series``, also
+        One row per length of a run, ``failures`` 1..6: the number of such runs, ``series``, also
         ``per_packet`` and ``per_h``. After the sixth failure in a row the slave is dropped.
 
     Notes

@@ -270,7 +270,7 @@ def asi_strands(*, lines: int) -> int:
 @numeric("kim2023-004", slaves=62, inputs=4, lines=1)
 @numeric("kim2023-074", slaves=190, inputs=1, lines=14)
 def strands_left(*, slaves: int, inputs: int, lines: int) -> float:
-    """Strands on AS-i as a percentage of the hardwired ones."""
+    """Strands with AS-i, as a percentage of those with hardwiring."""
     return 100 * asi_strands(lines=lines) / hardwired_strands(slaves=slaves, inputs=inputs)
 
 
