@@ -176,7 +176,7 @@ def test_without_other_healthy_actuators_there_are_no_limits(strokes):
         ({"values": np.full((418, 600, 7), np.nan)}, r"values\[0, 0, 0\] is nan"),
         ({"channels": np.array(["angle"])}, "channels are angle; expected"),
         ({"actuator": np.array(["Act_1"])}, r"actuator has the shape \(1,\)"),
-        ({"condition": np.zeros(418)}, "condition has the shape .* the type float64; .* text"),
+        ({"condition": np.zeros(418)}, "condition has the shape .* the type float64; .* string"),
         ({"stroke": np.full(418, "1")}, "expected one whole number for each of 418"),
         ({"actuator": np.array([{}] * 418)}, "not a complete .npz file"),
     ],
