@@ -42,7 +42,7 @@ _SPREAD = 0.02
 #: Times in a trial [s]: opening, closing and end; a motor runs for at most 20 s.
 _OPEN, _CLOSE, _END = 5.0, 35.0, 65.0
 
-#: Instants per block: the readings of 3328 valves then take 27 MB.
+#: Instants per block: the readings of 3328 valves then take 13 MB.
 _BLOCK = 100
 
 

@@ -106,9 +106,9 @@ class Analysis:
     """The bit rate and priority order that a message set requires, as returned by `analyse`.
 
     `responses` contains the response times by bit rate, lowest first. `lowest` is the lowest bit
-    rate at which the given order meets all deadlines, `lowest_in_best_order` the lowest at which
-    some order does; each is infinite if there is no such rate. `best` is the best order at the
-    latter rate or, if it is infinite, at the highest rate examined.
+    rate at which the given order meets all deadlines, and `lowest_in_best_order` the lowest at
+    which any order does; each is infinite if none of the rates suffices. `best` is the best order
+    at `lowest_in_best_order` or, if that is infinite, at the highest rate examined.
 
     Examples
     --------

@@ -440,7 +440,7 @@ def compare(
     Raises
     ------
     ArgumentError
-        If there is no design, two have the same name, or two differ in a value that must be equal.
+        If no design is given, or if two have the same name or differ in a value that must be equal.
 
     Examples
     --------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -201,12 +200,12 @@ def frame(table: str, rows: Any = ()) -> pd.DataFrame:
     types = {column: _DTYPES.get(kind, object) for column, kind in COLUMNS[table].items()}
     if not isinstance(rows, pd.DataFrame | Mapping):
         rows = list(rows)
-        rows = {
-            name: [row.get(name, np.nan) for row in rows]
-            for name in dict.fromkeys(chain(types, *rows))
+        more = dict.fromkeys(name for row in rows for name in row if name not in types)
+        rows = {name: [row[name] for row in rows] for name in types} | {
+            name: [row.get(name, np.nan) for row in rows] for name in more
         }
     if not isinstance(rows, pd.DataFrame):
-        # Each column has its type at once: text would become pandas' strings, and objects later.
+        # Each column gets its type at once: to convert pandas' own strings later is slow.
         index = pd.RangeIndex(len(rows[next(iter(types))]))
         rows = {name: pd.Series(rows[name], index, types.get(name)) for name in rows}
     made = pd.DataFrame(rows).reset_index(drop=True)

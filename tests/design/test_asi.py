@@ -146,6 +146,10 @@ def test_a_line_that_violates_a_signal_rule_is_refused_with_the_rule():
     (reason,) = design.reasons.itertuples()
     assert not design.fits
     assert (reason.limit, reason.value, reason.bound) == ("supply voltage", 20.0, 29.5)
+    assert reason.text == (
+        "P0 does not meet the AS-i limit on supply voltage even on its own line: 20 V; "
+        "the limit is 29.5 V"
+    )
 
 
 def test_the_voltage_drop_is_that_of_the_chosen_cable():
