@@ -216,6 +216,9 @@ def test_a_state_that_is_not_one_is_refused_in_a_sentence(page, app):
     tool.moves(tool.button("shared addresses").click, "slave voltage", "all rules met")
     tool.press("cable [m]", 10)
     tool.says("cable length")
+    # The rule is violated before the last key is processed, and a moved control removes a note.
+    link = page.get_by_role("link", name="link to this state")
+    expect(link).to_have_attribute("href", "?pairs=15&length=150.0", timeout=LONG)
     name, state = tool.saved()
     note = page.locator(".shipnet-note")
     for wrong, why in [
