@@ -84,13 +84,13 @@ lint: setup
 	@$(MYPY) --no-error-summary
 	@$(BIN)/lint-imports --no-logo
 
-# The browser tests run last and alone, because a busy machine makes a browser slow. Three run at a
+# The browser tests run last and alone, because a busy machine makes a browser slow. Two run at a
 # time, because they mostly wait for a kernel to start.
 NBVAL := --nbval --nbval-current-env --nbval-sanitize-with=tests/nbval_sanitize.cfg \
          --nbval-cell-timeout=60
 UNIT  := $(BIN)/pytest -q -n logical --dist loadscope --doctest-modules $(NBVAL) \
          --ignore=tests/browser tests shipnet notebooks
-WEB   := $(BIN)/pytest -q -n 3 --dist load tests/browser
+WEB   := $(BIN)/pytest -q -n 2 --dist load tests/browser
 
 unit: setup
 	@echo "unit, property and doc tests, notebooks under strict nbval, wheel"
