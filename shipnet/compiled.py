@@ -1,0 +1,128 @@
+"""Loops that are compiled at first use, where the work is large enough to pay for the compiler.
+
+A kernel is a plain function over numbers and arrays that checks nothing and reads no global except
+modules and other kernels. ``kernel(...)`` runs it as Python; ``kernel.run(steps, ...)`` runs it as
+machine code if it has many steps. Both return the same result.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import inspect
+import os
+import sys
+import warnings
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from types import FunctionType
+from typing import Any, Generic, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+#: Steps from which a kernel runs as machine code. As Python, 20 000 steps take 10 to 50 ms; loading
+#: the compiler takes a second, once per process.
+MANY = 20_000
+
+#: Steps that take minutes as Python.
+_ENDLESS = 50_000_000
+
+#: All kernels by module and name.
+KERNELS: dict[str, Kernel[..., Any]] = {}
+
+
+class Kernel(Generic[P, R]):
+    """A plain function and its compiled form."""
+
+    def __init__(self, plain: Callable[P, R]) -> None:
+        functools.update_wrapper(self, plain)
+        self.plain: Any = plain
+        KERNELS[f"{plain.__module__}.{plain.__qualname__}"] = self
+
+    def __call__(self, *arguments: P.args, **options: P.kwargs) -> R:
+        """Run the function as Python."""
+        result: R = self.plain(*arguments, **options)
+        return result
+
+    def run(self, steps: float, *arguments: P.args, **options: P.kwargs) -> R:
+        """Run the function, compiled if its innermost loop has `MANY` or more steps in all."""
+        if steps < MANY or os.environ.get("SHIPNET_COMPILED") == "0":
+            return self(*arguments, **options)
+        try:
+            fast = self.fast
+        except ImportError:
+            if steps >= _ENDLESS:
+                warnings.warn(
+                    f"numba is not installed, so {self.plain.__name__} runs as Python and takes "
+                    "minutes; install it with: python -m pip install numba",
+                    RuntimeWarning,
+                    stacklevel=2,
+                )
+            return self(*arguments, **options)
+        result: R = fast(*arguments, **options)
+        return result
+
+    @functools.cached_property
+    def parts(self) -> dict[str, Kernel[..., Any]]:
+        """The kernels that this one calls, by the names that it uses."""
+        scope, names = self.plain.__globals__, self.plain.__code__.co_names
+        return {name: scope[name] for name in names if isinstance(scope.get(name), Kernel)}
+
+    @functools.cached_property
+    def fast(self) -> Callable[P, R]:
+        """The compiled form; it is read from the cache if the sources are the same."""
+        numba: Any = import_module("numba")
+        scope = self.plain.__globals__ | {name: part.fast for name, part in self.parts.items()}
+        function = FunctionType(self.plain.__code__, scope, self.plain.__name__)
+        function.__module__, function.__qualname__ = self.plain.__module__, self.plain.__qualname__
+        numba.config.CACHE_DIR, before = str(self._folder()), numba.config.CACHE_DIR
+        try:
+            fast: Callable[P, R] = numba.njit(function, cache=True, error_model="numpy")
+        except RuntimeError:  # no folder can be written
+            fast = numba.njit(function, error_model="numpy")
+        finally:
+            numba.config.CACHE_DIR = before
+        return fast
+
+    def _files(self) -> set[str]:
+        own = {self.plain.__code__.co_filename}
+        return own.union(*(part._files() for part in self.parts.values()))
+
+    def _folder(self) -> Path:
+        """Return a folder for these sources, in the virtual environment or that of the user."""
+        sources = b"".join(Path(file).read_bytes() for file in sorted(self._files()))
+        own = sys.prefix != sys.base_prefix and os.access(sys.prefix, os.W_OK)
+        base = Path(sys.prefix) if own else Path.home() / ".cache" / "shipnet"
+        return base / "kernels" / hashlib.sha256(sources).hexdigest()[:16]
+
+
+def compiled(plain: Callable[P, R]) -> Kernel[P, R]:
+    """Make a plain function a kernel."""
+    return Kernel(plain)
+
+
+class Code:
+    """The source of a function, for display in a notebook.
+
+    Parameters
+    ----------
+    function : callable
+        A function, method or class of Python.
+
+    Examples
+    --------
+    >>> from shipnet import asi
+    >>> print(str(Code(asi.cycle_time)).splitlines()[0])
+    def cycle_time(slaves: int = ADDRESSES, **options: Any) -> float:
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._text = inspect.getsource(inspect.unwrap(function)).rstrip()
+
+    def __repr__(self) -> str:
+        return self._text
+
+    def _repr_markdown_(self) -> str:
+        return f"```python\n{self._text}\n```"
