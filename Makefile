@@ -112,7 +112,7 @@ browser: setup
 	@$(WEB)
 
 coverage: setup
-	@$(BIN)/pytest -q -n logical --dist loadscope --doctest-modules --cov --cov-report=term \
+	@SHIPNET_COMPILED=0 $(BIN)/pytest -q -n logical --dist loadscope --doctest-modules --cov --cov-report=term \
 	  --ignore=tests/browser tests shipnet
 
 dist: setup
@@ -145,7 +145,7 @@ fuzz: setup
 
 mutants: setup
 	@$(UV) pip install --quiet --python $(PY) --group mutants
-	@$(PY) tests/mutants/run.py --left
+	@SHIPNET_COMPILED=0 $(PY) tests/mutants/run.py --left
 	@$(PY) tests/mutants/ledger.py
 
 clients: setup

@@ -14,6 +14,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from types import FunctionType
@@ -72,16 +73,18 @@ class Kernel(Generic[P, R]):
 
     @functools.cached_property
     def fast(self) -> Callable[P, R]:
-        """The compiled form; it is read from the cache if the sources are the same."""
+        """The compiled form, from a cache if its sources are unchanged and the cache can be written."""
         numba: Any = import_module("numba")
         scope = self.plain.__globals__ | {name: part.fast for name, part in self.parts.items()}
         function = FunctionType(self.plain.__code__, scope, self.plain.__name__)
         function.__module__, function.__qualname__ = self.plain.__module__, self.plain.__qualname__
-        numba.config.CACHE_DIR, before = str(self._folder()), numba.config.CACHE_DIR
+        folder = self._folder()
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+        numba.config.CACHE_DIR, before = str(folder), numba.config.CACHE_DIR
         try:
-            fast: Callable[P, R] = numba.njit(function, cache=True, error_model="numpy")
-        except RuntimeError:  # no folder can be written
-            fast = numba.njit(function, error_model="numpy")
+            cache = os.access(folder, os.W_OK)
+            fast: Callable[P, R] = numba.njit(function, cache=cache, error_model="numpy")
         finally:
             numba.config.CACHE_DIR = before
         return fast

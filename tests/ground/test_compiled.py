@@ -1,0 +1,168 @@
+"""Kernels: compiled and plain forms agree, and the cache follows the sources."""
+
+import copy
+import dis
+import inspect
+import os
+import pkgutil
+import subprocess
+import sys
+import types
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+import shipnet
+from shipnet import Code
+from shipnet.compiled import KERNELS, MANY, Kernel, compiled
+from tests.kernels import ARGUMENTS
+
+for found in pkgutil.walk_packages(shipnet.__path__, "shipnet."):
+    if "@compiled" in Path(found.module_finder.find_spec(found.name).origin).read_text("utf-8"):
+        import_module(found.name)
+
+NAMES = sorted(name for name in KERNELS if name.startswith("shipnet."))
+
+
+def test_every_kernel_has_arguments():
+    assert sorted(ARGUMENTS) == NAMES
+
+
+def same(one, other):
+    """Integers and booleans are equal, floats agree to 1e-12, whatever holds them."""
+    if isinstance(one, tuple | list):
+        return len(one) == len(other) and all(map(same, one, other))
+    one, other = np.asarray(one), np.asarray(other)
+    if one.shape != other.shape:
+        return False
+    if one.dtype.kind in "fc" or other.dtype.kind in "fc":
+        scale = np.abs(one[np.isfinite(one)]).max(initial=0)
+        return np.allclose(one, other, rtol=1e-12, atol=1e-12 * scale, equal_nan=True)
+    return np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_compiled_and_plain_forms_agree(name):
+    kernel = KERNELS[name]
+
+    @settings(max_examples=40)
+    @given(ARGUMENTS[name])
+    def compare(arguments):
+        # A kernel may write into its arguments, and draws from a generator change it.
+        first, second = copy.deepcopy(arguments), copy.deepcopy(arguments)
+        assert same(kernel(*first), kernel.fast(*second))
+        for one, other in zip(first, second, strict=True):
+            if isinstance(one, np.ndarray):
+                assert same(one, other)
+            elif isinstance(one, np.random.Generator):
+                assert one.bit_generator.state == other.bit_generator.state
+
+    compare()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_kernel_reads_only_modules_and_kernels(name):
+    plain = KERNELS[name].plain
+    read = [step.argval for step in dis.get_instructions(plain) if step.opname == "LOAD_GLOBAL"]
+    scope = plain.__globals__
+    others = [
+        global_name
+        for global_name in read
+        if global_name in scope and not isinstance(scope[global_name], Kernel | types.ModuleType)
+    ]
+    assert others == []
+    assert not plain.__defaults__ and not plain.__kwdefaults__ and not plain.__closure__
+
+
+@compiled
+def step(value):
+    """Return the next value."""
+    return value + 1
+
+
+@compiled
+def climb(steps):
+    """Return the value after some steps."""
+    value = 0
+    for _ in range(steps):
+        value = step(value)
+    return value
+
+
+@pytest.mark.parametrize("steps", [0, 1, MANY - 1, MANY])
+def test_the_number_of_steps_alone_decides_which_form_runs(steps, monkeypatch):
+    monkeypatch.setitem(climb.__dict__, "fast", lambda value: f"compiled {value}")
+    assert climb.run(steps, 7) == ("compiled 7" if steps >= MANY else 7)
+    monkeypatch.setenv("SHIPNET_COMPILED", "0")
+    assert climb.run(steps, 7) == 7
+
+
+def test_without_numba_a_warning_comes_only_where_the_work_is_large(monkeypatch):
+    monkeypatch.setitem(sys.modules, "numba", None)
+    climb.__dict__.pop("fast", None)
+    assert climb.run(MANY, 7) == 7
+    with pytest.warns(RuntimeWarning, match=r"numba is not installed, so climb runs as Python"):
+        assert climb.run(10**9, 7) == 7
+
+
+PROGRAM = """
+import sys
+sys.prefix = sys.base_prefix
+from model import climb
+print(climb.run(int(sys.argv[1]), int(sys.argv[1])), "numba" in sys.modules)
+"""
+
+
+def start(folder, steps):
+    """Start the program in a folder that also contains its cache."""
+    return subprocess.Popen(
+        [sys.executable, "-W", "error", "-c", PROGRAM, str(steps)],
+        env=os.environ | {"HOME": str(folder), "USERPROFILE": str(folder)},
+        cwd=folder, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def printed(process):
+    return process.communicate()[0].split()
+
+
+@pytest.fixture
+def folder(tmp_path):
+    models = inspect.getsource(step.plain) + inspect.getsource(climb.plain)
+    (tmp_path / "model.py").write_text(f"from shipnet.compiled import compiled\n{models}", "utf-8")
+    return tmp_path
+
+
+def cached(folder):
+    return sorted(folder.rglob("*.nbi"))
+
+
+def test_few_steps_do_not_load_the_compiler(folder):
+    assert printed(start(folder, MANY - 1)) == [str(MANY - 1), "False"]
+
+
+def test_an_edited_source_is_compiled_again_and_processes_can_share_a_cache(folder):
+    both = [start(folder, MANY), start(folder, MANY)]
+    assert [printed(process) for process in both] == [[str(MANY), "True"]] * 2
+    before = cached(folder)
+    assert len(before) == 2
+    model = folder / "model.py"
+    model.write_text(model.read_text("utf-8").replace("value + 1", "value + 2"), "utf-8")
+    assert printed(start(folder, MANY)) == [str(2 * MANY), "True"]
+    assert len(cached(folder)) == 4
+
+
+def test_a_cache_that_cannot_be_written_is_not_used(folder):
+    (folder / ".cache").write_text("a file where the folder of caches would be", "utf-8")
+    assert printed(start(folder, MANY)) == [str(MANY), "True"]
+    assert cached(folder) == []
+
+
+def test_code_shows_the_plain_source_of_a_kernel():
+    assert repr(Code(climb)).startswith("@compiled\ndef climb(steps):\n")
+    shown = Code(climb)._repr_markdown_()
+    assert shown.startswith("```python\n@compiled\n")
+    assert shown.endswith("return value\n```")
