@@ -17,8 +17,11 @@ from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from types import FunctionType
 from typing import Any, Generic, ParamSpec, TypeVar
+
+from shipnet.errors import ArgumentError
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -111,18 +114,30 @@ class Code:
 
     Parameters
     ----------
-    function : callable
-        A function, method or class of Python.
+    function : callable or str
+        A function, method or class of Python, or the full name of one, such as
+        ``"shipnet.can.bus.send"``.
+
+    Raises
+    ------
+    ArgumentError
+        If no such function has a source in Python.
 
     Examples
     --------
-    >>> from shipnet import asi
-    >>> print(str(Code(asi.cycle_time)).splitlines()[0])
-    def cycle_time(slaves: int = ADDRESSES, **options: Any) -> float:
+    >>> Code("shipnet.asi.modulation.ramp")  # doctest: +ELLIPSIS
+    def ramp(x: npt.ArrayLike) -> Floats:
+        ...
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._text = inspect.getsource(inspect.unwrap(function)).rstrip()
+    def __init__(self, function: Callable[..., Any] | str) -> None:
+        try:
+            found = resolve_name(function) if isinstance(function, str) else function
+            self._text = inspect.getsource(inspect.unwrap(found)).rstrip()
+        except (AttributeError, ImportError, OSError, TypeError, ValueError):
+            raise ArgumentError(
+                f"function is {function!r}; it must be a function of Python or its full name"
+            ) from None
 
     def __repr__(self) -> str:
         return self._text

@@ -18,6 +18,7 @@ from hypothesis import given, settings
 import shipnet
 from shipnet import Code
 from shipnet.compiled import KERNELS, MANY, Kernel, compiled
+from shipnet.errors import ArgumentError
 from tests.kernels import ARGUMENTS
 
 for found in pkgutil.walk_packages(shipnet.__path__, "shipnet."):
@@ -166,3 +167,9 @@ def test_code_shows_the_plain_source_of_a_kernel():
     shown = Code(climb)._repr_markdown_()
     assert shown.startswith("```python\n@compiled\n")
     assert shown.endswith("return value\n```")
+
+
+@pytest.mark.parametrize("function", ["shipnet.asi.nothing", "no such", "", 3, len, "math.sin"])
+def test_code_refuses_what_has_no_source_in_python(function):
+    with pytest.raises(ArgumentError, match="it must be a function of Python or its full name"):
+        Code(function)
