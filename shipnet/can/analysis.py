@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -44,8 +44,9 @@ def read_messages(
     ----------
     path : path
         A CSV file or Excel workbook with a title row and one row per message; a ``.dbc`` file,
-        which requires cantools; or a log that `read_log` accepts. A CSV file is separated by
-        commas, semicolons or tabs, and is in UTF-8, UTF-16 with a byte-order mark, or Windows-1252.
+        which requires cantools; or a log of one bus that `read_log` accepts. A CSV file is
+        separated by commas, semicolons or tabs, and is in UTF-8, UTF-16 with a byte-order mark, or
+        Windows-1252.
     columns : mapping of str to str, optional
         Maps other titles to columns, such as ``{"Every": "period_ms"}``. Required: ``name``,
         ``arbitration_id``, ``dlc`` and, unless `period` is given, ``period_ms``. Optional:
@@ -77,10 +78,18 @@ def read_messages(
     count as 29-bit. In a DBC file the period is ``GenMsgCycleTime`` [ms]; 0 means none. Signals are
     checked but not stored.
 
-    A message found in a log is named after its identifier. Its period is the mean time between two
-    frames; its jitter is the range of the deviations of its time stamps from strict periodicity,
-    including waits for the bus; its ``dlc`` is the largest found. A message seen only once has the
-    given `period`, or is omitted.
+    A message found in a log is named after its identifier, and its ``dlc`` is the largest found. It
+    counts as periodic if it is sent throughout the log and at least three quarters of the times
+    between its frames differ from their mean by at most two thirds. Its period is that mean, and
+    deviations count as waits for the bus, not as jitter. Any other message is not periodic, and
+    `MessageSet.aperiodic` names it: its period is the length of the log divided by its number of
+    frames, and its jitter allows as many frames to be queued at once as the log has in any window
+    of the shortest period. A message seen only once has the given `period`, if any. A log does not
+    show deadlines; each is assumed to be the period plus the jitter.
+
+    The load of these messages therefore equals that of `Log.load`, except that all possible stuff
+    bits count (up to 23 % more bits), that all frames of a message count as long as its longest,
+    and that a mean between frames may differ by one frame per message and log from the count.
 
     Examples
     --------
@@ -97,7 +106,11 @@ def read_messages(
         said = getattr(problem, "strerror", None) or problem
         raise InputError(str(file), f"cannot be read: {said}") from None
     if is_log:
-        return read_log(file).messages(period=period)
+        log = read_log(file)
+        try:
+            return log.messages(period=period)
+        except ArgumentError as problem:
+            raise InputError(str(file), str(problem)) from None
     return read_list(file, columns, period, strict)
 
 
@@ -156,12 +169,17 @@ class Analysis:
 
     @property
     def verdict(self) -> str:
-        """The number of messages, `lowest` and `lowest_in_best_order`, in one line."""
+        """The number of messages, `lowest` and `lowest_in_best_order`, in one line.
+
+        For a log with messages that are not periodic, the line ends with their number.
+        """
         given, best = (
             "none" if rate == math.inf else f"{rate / 1e3:g} kbit/s"
             for rate in (self.lowest, self.lowest_in_best_order)
         )
-        return f"{len(self.messages)} messages, lowest bit rate: {given}, in the best order: {best}"
+        number, odd = len(self.messages), len(self.messages.aperiodic)
+        log = f"; from a log: {odd} of {number} are not periodic" if odd else ""
+        return f"{number} messages, lowest bit rate: {given}, in the best order: {best}{log}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw each message's deadline and longest response time at the bit rate of `at_lowest`."""
@@ -193,7 +211,9 @@ def analyse(
     period : float, optional
         Period of messages that have none in the file or log, 1e-6..1e5 [s].
     assumptions : Assumptions, optional
-        Assumptions about the lengths of frames and the definition of the response time.
+        Assumptions about the lengths of frames and the definition of the response time. By default,
+        if some messages of a log are not periodic, response times begin when a message is queued
+        and are compared with the periods.
     faults : ErrorBound, optional
         Bound on the number of errors on the bus; no errors by default.
 
@@ -223,6 +243,10 @@ def analyse(
     if not rates or not all(1000 <= rate <= 1e6 and rate % 1 == 0 for rate in rates):
         raise ArgumentError(f"bit_rates is {bit_rates!r}; each must be whole, 1000..1000000 bit/s")
     known = _messages(messages, period)
+    if assumptions is None and known.aperiodic:
+        assumptions = Assumptions(own_jitter=False)
+        queued = (replace(message, deadline=message.deadline - message.jitter) for message in known)
+        known = MessageSet(queued, aperiodic=known.aperiodic)
     responses = {
         rate: response_times(known, rate, assumptions=assumptions, faults=faults) for rate in rates
     }
@@ -358,7 +382,7 @@ def compare(
         name, wanted, odd = hexadecimal(key), math.nan, ["unknown"]
         if message := known.get(key):
             name, wanted = message.name, message.period
-            odd = _differences(message, times[own], codes[own], silence)
+            odd = _differences(message, times[own], codes[own], silence, name in plan.aperiodic)
         usual = (gaps.min(), gaps.mean()) if len(gaps) else (math.nan, math.nan)
         spans = (1e3 * span for span in (wanted, *usual, silence))
         rows.append((name, key >> 1, len(times[own]), *spans, ", ".join(odd) or "as planned"))
@@ -367,9 +391,11 @@ def compare(
     return LogComparison(table.set_index("name").round(6))
 
 
-def _differences(message: Message, times: Floats, codes: Octets, silence: float) -> list[str]:
+def _differences(
+    message: Message, times: Floats, codes: Octets, silence: float, aperiodic: bool
+) -> list[str]:
     """Return the verdicts on the frames of a message; no verdict if they are as planned."""
-    slack = max(message.deadline, message.jitter) + _STAMP
+    slack = math.inf if aperiodic else max(message.deadline, message.jitter) + _STAMP
     slow, fast = (message.period * (1 + sign * CLOCK_TOLERANCE) for sign in (1, -1))
     if not len(times):
         return ["not seen" if silence <= slow + slack else "missing"]

@@ -28,6 +28,9 @@ _KINDS = {
 }  # fmt: skip
 
 
+_SHORTEST = 47e-6  #: Duration of the shortest frame at 1 Mbit/s [s].
+
+
 def impossible(
     time: float, number: int, extended: bool, dlc: int, remote: bool = False, size: int = -1
 ) -> str:
@@ -190,24 +193,37 @@ class Log:
         self._check_times("a message set")
         if period is not None:
             check_scalar("period", period, "s", 1e-6, 1e5)
-        keys = self.keys
-        size = np.where(self.remote, 0, np.minimum(self.dlc, 8))
-        messages, overlooked = [], []
-        for key in np.unique(keys).tolist():
-            mine = keys == key
-            times, name = np.sort(self.time[mine]), hexadecimal(key)
-            each = float(np.diff(times).mean()) if len(times) > 1 else period
-            if each is None:
-                overlooked.append(f"{name}: a single frame has no period; give one with period=")
-                continue
-            jitter = round(float(np.ptp(times - np.arange(len(times)) * each)), 9)
+        if len(buses := np.unique(self.channel).tolist()) > 1:
+            raise ArgumentError(
+                f"the log has the buses {', '.join(buses)}; a message set has one; select it with "
+                f"Log(*(column[log.channel == {buses[0]!r}] for column in log.columns))"
+            )
+        number, span = len(self), float(np.ptp(self.time)) if len(self) else 0.0
+        if not span or (number - 1) * _SHORTEST > span:
+            raise ArgumentError(
+                f"the log has {number} frame{'s' * (number != 1)} in {span:.3g} s; a message set "
+                "requires at least two, whose time stamps are 47 us apart or more on average"
+            )
+        keys, size = self.keys, np.where(self.remote, 0, np.minimum(self.dlc, 8))
+        times = {key: np.sort(self.time[keys == key]) for key in np.unique(keys).tolist()}
+        periods = {key: _period(own, span) for key, own in times.items()}
+        given = {key: period for key, own in times.items() if period and len(own) == 1}
+        means = {key: periods[key] or span / len(own) for key, own in times.items()} | given
+        shortest, resolution = min(means.values()), float(np.diff(np.unique(self.time)).min())
+        messages, aperiodic = [], []
+        for key, own in times.items():
+            name, mean, jitter = hexadecimal(key), round(min(means[key], 1e5), 9), 0.0
+            if periods[key] is None and key not in given:
+                aperiodic.append(name)
+                burst = _sliding(own, np.ones(len(own)), shortest).max()
+                jitter = float(np.clip((burst - 1) * mean - resolution, 0, 1e5 - mean).round(9))
             messages.append(
                 Message(
-                    name, key >> 1, int(size[mine].max()), max(each, 1e-6), jitter=jitter,
+                    name, key >> 1, int(size[keys == key].max()), mean, mean + jitter, jitter,
                     extended=bool(key & 1),
                 )
             )  # fmt: skip
-        return MessageSet(messages, overlooked=overlooked)
+        return MessageSet(messages, aperiodic=aperiodic)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -251,6 +267,16 @@ class LogLoad:
         parts += [f"{len(self._windows) or 'no'} frames"]
         parts += [f"{self.left_out} left out"] if self.left_out else []
         return f"LogLoad({'; '.join(parts)})"
+
+
+def _period(times: Floats, span: float) -> float | None:
+    """Return the period of a message in a log of length `span`; None if it is not periodic."""
+    if len(times) < 2:
+        return None
+    gaps = np.diff(times)
+    mean = float(gaps.mean())
+    usual = np.abs(gaps - mean) <= mean * 2 / 3
+    return mean if usual.mean() >= 0.75 and span <= (len(times) + 1) * mean else None
 
 
 def _sliding(time: Floats, bits: Floats, window: float) -> Floats:

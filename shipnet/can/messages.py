@@ -215,6 +215,8 @@ class MessageSet(Named[Message]):
         The messages in any order; names and identifiers must be unique.
     overlooked : iterable of str, optional
         Faults that were ignored when the file was read.
+    aperiodic : iterable of str, optional
+        Names of the messages that are not periodic in the log from which the set was read.
 
     Examples
     --------
@@ -225,10 +227,17 @@ class MessageSet(Named[Message]):
     {'fast': 2, 'slow': 4}
     """
 
-    __slots__ = ("_items", "overlooked")
+    __slots__ = ("_items", "aperiodic", "overlooked")
 
-    def __init__(self, messages: Iterable[Message], *, overlooked: Iterable[str] = ()) -> None:
+    def __init__(
+        self,
+        messages: Iterable[Message],
+        *,
+        overlooked: Iterable[str] = (),
+        aperiodic: Iterable[str] = (),
+    ) -> None:
         self.overlooked = tuple(overlooked)
+        self.aperiodic = tuple(aperiodic)
         given = list(messages)
         others = [item for item in given if not isinstance(item, Message)]
         if others:

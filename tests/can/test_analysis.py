@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from shipnet import can
+from shipnet import can, datasets
 from shipnet.can.analysis import CLOCK_TOLERANCE
-from shipnet.errors import InputError
+from shipnet.errors import ArgumentError, InputError
 from tests.can.test_log import write_with
 from tests.can.test_messages import DBC
 
@@ -92,19 +92,7 @@ def test_a_log_of_a_simulated_bus_shows_its_messages():
     assert [m.arbitration_id for m in found] == [m.arbitration_id for m in messages]
     assert [m.dlc for m in found] == [m.dlc for m in messages]
     assert found.periods == pytest.approx(messages.periods, rel=2e-3)
-    longest = can.response_times(messages, 125e3)
-    for one, bound in zip(found, longest, strict=True):
-        assert one.jitter <= bound.response
-    # All frames of the log fit the periods and jitters that were derived from it.
-    for one in found:
-        times = log.time[log.arbitration_id == one.arbitration_id]
-        late = times - times[0] - one.period * np.arange(len(times))
-        assert np.ptp(late) == pytest.approx(one.jitter, abs=2e-9 * len(times))
-    once = can.simulate(messages, 125e3, until=0.6).log()
-    assert once.messages().overlooked == (
-        "0x300: a single frame has no period; give one with period=",
-    )
-    assert once.messages(period=1.0)["0x300"].period == 1.0
+    assert found.aperiodic == () and {m.jitter for m in found} == {0.0}
 
 
 # Any file --------------------------------------------------------------------------------------
@@ -147,6 +135,181 @@ def test_messages_of_a_dbc_file_equal_those_of_cantools(tmp_path):
         assert (message.arbitration_id, message.extended) == (one.frame_id, one.is_extended_frame)
         assert (message.dlc, message.sender) == (one.length, one.senders[0])
         assert message.period == (one.cycle_time or 50) / 1e3
+
+
+# The messages of a log -------------------------------------------------------------------------
+
+
+def joined(*logs):
+    """Return the frames of several logs as one log."""
+    return can.Log(
+        *(np.concatenate(column) for column in zip(*(log.columns for log in logs), strict=True))
+    )
+
+
+def loads(log, rate=250e3):
+    """Return the load of a log's messages, and the load that the log measures."""
+    table = can.analyse(log, [rate, 1e6]).table()["load_percent"]
+    assert table[1000.0] * 4 == pytest.approx(table[250.0])
+    return table[rate / 1e3] / 100, log.load(rate).total()["load"].item()
+
+
+@pytest.mark.parametrize(("name", "bursts"), [("snippet", 4), ("boat", 5)])
+def test_the_load_of_a_recorded_bus_is_that_of_its_log(name, bursts):
+    log = can.read_capture(datasets.path(f"sigrok_nmea2000_{name}.sr"), 250e3).log
+    found = can.analyse(log)
+    load, measured = loads(log)
+    assert 0.95 * measured < load < 1.23 * measured < 0.04
+    assert found.lowest <= 125e3 and (found.table()["late"] == 0)[125.0:].all()
+    # Fast packets of several frames are sent in bursts; the others are periodic.
+    assert len(found.messages.aperiodic) >= bursts
+    assert {"0x09F80100", "0x09F80200"}.isdisjoint(found.messages.aperiodic)
+    assert found.verdict.endswith(
+        f"; from a log: {len(found.messages.aperiodic)} of 9 are not periodic"
+    )
+    snippet = can.read_capture(datasets.path("sigrok_nmea2000_snippet.sr"), 250e3).log
+    assert can.compare(log, snippet).ok
+
+
+@pytest.mark.parametrize("monotonic", [True, False])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_log_of_a_busy_plan_has_the_verdict_of_the_plan(seed, monotonic):
+    rng = np.random.default_rng(seed)
+    periods = rng.choice([5e-3, 10e-3, 20e-3, 50e-3, 100e-3, 200e-3], 40)
+    plan = [
+        can.Message(f"0x{number:03X}", number, int(rng.integers(1, 9)), float(period),
+                    offset=rng.integers(0, 10**6) / 1e9)
+        for number, period in enumerate(sorted(periods) if monotonic else periods, 0x100)
+    ]  # fmt: skip
+    while can.bus_load(can.MessageSet(plan), 125e3) > 0.8:
+        plan.pop()
+    wanted = can.analyse(can.MessageSet(plan))
+    found = can.analyse(can.simulate(can.MessageSet(plan), 125e3, until=20.0).log())
+    assert found.messages.periods == pytest.approx([m.period for m in plan], rel=1e-3)
+    assert found.responses[125e3].late == wanted.responses[125e3].late
+    assert found.lowest == wanted.lowest
+    if monotonic:
+        assert found.messages.aperiodic == ()
+        assert found.lowest_in_best_order == wanted.lowest_in_best_order
+        columns = ["late", "first_late", "critical", "some_order"]
+        assert found.table()[columns][125:].equals(wanted.table()[columns][125:])
+    else:
+        # Some messages are late; if they wait for longer than a period, they are not periodic.
+        assert wanted.responses[125e3].late and len(found.messages.aperiodic) <= 3
+
+
+def test_a_drifting_clock_makes_no_message_late():
+    gaps = 0.01 + 0.0004 * np.sin(np.linspace(0, 2 * np.pi, 3000))
+    log = joined(log_of(np.cumsum(gaps)), log_of(np.arange(300) * 0.1, 0x20))
+    found = can.analyse(log)
+    assert found.messages.aperiodic == () and found.messages["0x010"].jitter == 0
+    assert found.messages.periods == pytest.approx([0.01, 0.1], rel=1e-3)
+    assert (found.lowest, found.at_lowest.late) == (50e3, [])
+
+
+def test_a_burst_may_be_queued_at_once_but_loads_the_bus_at_its_mean_rate():
+    # Seven frames, 1 ms apart, once per second, above a message with a period of 10 ms.
+    bursts = (np.arange(30)[:, np.newaxis] + np.arange(7) * 1e-3).ravel()
+    log = joined(log_of(bursts), log_of(np.arange(3000) * 0.01 + 0.5e-3, 0x20))
+    found = can.analyse(log, [125e3, 250e3])
+    burst = found.messages["0x010"]
+    assert found.messages.aperiodic == ("0x010",)
+    assert (burst.period, burst.jitter) == pytest.approx((1 / 7, 6 / 7), rel=0.05)
+    below = found.responses[250e3]["0x020"]
+    assert below.response == pytest.approx(8 * 0.54e-3)
+    assert (burst.deadline, found.ok) == (burst.period, True)
+    load, measured = loads(log)
+    assert measured < load < 1.23 * measured
+    # Counted from the event, a response includes the jitter, and so does the deadline.
+    assert can.response_times(log.messages(), 125e3).met
+
+
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.5])
+def test_a_node_that_is_on_for_part_of_the_log_makes_no_other_message_late(share):
+    start = 100 * (1 - share)
+    parts = [log_of(np.arange(start, 100, 0.01) + n * 1e-4, n + 1) for n in range(5)]
+    log = joined(*parts, log_of(np.arange(0, 100, 0.01) + 1e-3, 0x20))
+    found = can.analyse(log)
+    assert len(found.messages.aperiodic) == 5 and found.lowest <= 125e3
+    load, measured = loads(log)
+    assert measured < load < 1.23 * measured
+
+
+def test_messages_seen_once_and_twice_count_with_the_frames_of_the_log():
+    log = joined(log_of(np.arange(101) / 10), log_of([5.0], 0x20), log_of([3.0, 3.1], 0x30))
+    found = can.analyse(log)
+    assert found.messages.periods.tolist() == [0.1, 10.0, 5.0]
+    assert found.messages.aperiodic == ("0x020", "0x030") and found.ok
+    assert log.messages(period=1.0)["0x020"].period == 1.0
+    assert can.analyse(log_of([1.0, 1.5])).messages.periods.tolist() == [0.5]
+
+
+@pytest.mark.parametrize("step", [1e-3, 10e-3, 0.1, 1.0])
+def test_coarse_time_stamps_give_the_load_of_the_log_and_no_late_messages(step):
+    log = can.simulate(can.example("lee2012"), 125e3, until=30.0).log()
+    fast = can.simulate(can.example(), 125e3, until=30.0).log()
+    for exact in (log, fast):
+        coarse = replace(exact, time=np.floor(exact.time / step) * step)
+        load, measured = loads(coarse)
+        assert 0.95 * measured < load < 1.3 * measured
+        assert can.analyse(coarse, [250e3, 500e3]).ok
+
+
+@pytest.mark.parametrize(
+    ("times", "said"),
+    [
+        ([], "0 frames in 0 s"),
+        ([1.0], "1 frame in 0 s"),
+        ([1.7e9] * 300, "300 frames in 0 s"),
+        (np.arange(300) * 1e-6, "300 frames in 0.000299 s"),
+    ],
+)
+def test_a_log_whose_time_stamps_contain_no_rates_is_refused(tmp_path, times, said):
+    log = log_of(times)
+    with pytest.raises(ArgumentError, match=f"the log has {said}; a message set requires"):
+        can.analyse(log)
+    if len(times):
+        log.save(tmp_path / "bus.log")
+        with pytest.raises(InputError, match=rf"bus\.log: the log has {said}"):
+            can.analyse(tmp_path / "bus.log")
+
+
+def test_a_log_of_two_buses_is_refused_and_one_of_them_can_be_selected():
+    log = joined(log_of(np.arange(10)), replace(log_of(np.arange(10)), channel=np.full(10, "1")))
+    with pytest.raises(ArgumentError, match="the log has the buses 0, 1; a message set has one"):
+        can.analyse(log)
+    one = can.Log(*(column[log.channel == "0"] for column in log.columns))
+    assert can.analyse(one).ok
+
+
+def test_the_order_of_frames_and_the_epoch_do_not_matter():
+    log = can.simulate(can.example(), 125e3, until=3.0).log()
+    mixed = np.random.default_rng(1).permutation(len(log))
+    other = can.Log(*(column[mixed] for column in replace(log, time=log.time + 2**30).columns))
+    assert other.messages().periods == pytest.approx(log.messages().periods, abs=1e-6)
+    assert other.messages().aperiodic == log.messages().aperiodic
+
+
+@given(st.data())
+def test_the_load_of_any_log_agrees_with_its_messages_or_is_refused(data):
+    number = data.draw(st.integers(1, 6))
+    step = data.draw(st.sampled_from([1e-6, 1e-3, 1.0]))
+    parts = []
+    for key in range(number):
+        stamps = data.draw(st.lists(st.integers(0, 20_000), min_size=1, max_size=30))
+        parts.append(log_of(np.array(stamps) * step, key, dlc=data.draw(st.integers(0, 8))))
+    log = joined(*parts)
+    try:
+        messages = log.messages()
+    except ArgumentError as refused:
+        assert "a message set requires" in str(refused)
+        return
+    model, bits = can.bus_load(messages, 1e6), log.load(1e6).table()["bits"].sum()
+    span = float(np.ptp(log.time))
+    # A period found from n frames may change the load by one frame per message and log.
+    slack = sum(can.frame_length(int(part.dlc[0])) for part in parts) / span / 1e6
+    measured = bits / span / 1e6
+    assert measured - slack <= model + 1e-9 and model <= 1.23 * measured + slack + 1e-9
 
 
 # A plan and a log ------------------------------------------------------------------------------
