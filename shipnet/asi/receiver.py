@@ -345,7 +345,7 @@ def listen(
         return slots, np.nan, np.nan, np.nan, np.nan
     sign = 1 if y[first] > 0 else -1
     for i in range(first + 1, min(first + near, n)):  # ... and for its peak
-        if sign * y[i] > sign * y[first] * even:
+        if sign * y[i] > sign * y[first]:
             first = i
     height, peak = sign * y[first], float(first)
     if 0 < first < n - 1:  # the top of a parabola through three samples
