@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any, NamedTuple
 
 from shipnet.errors import ArgumentError
 from shipnet.lazy import Axes, pd
-from shipnet.tables import as_workbook
+from shipnet.tables import as_csv, as_workbook
 
 #: Columns that all findings have, in this order; others may follow.
 COLUMNS = ("rule", "object", "value", "low", "high", "unit", "verdict", "why", "source")
@@ -179,7 +180,7 @@ class Answer(NamedTuple):
             "findings": [] if self.findings is None else _rows(self.findings.table()),
             "tables": {name: _rows(table) for name, table in self.tables.items()},
         }
-        return json.dumps(data, indent=1, ensure_ascii=False) + "\n"
+        return printable(json.dumps(data, indent=1, ensure_ascii=False)) + "\n"
 
     def save(self, file: str, command: str) -> None:
         """Save the result in the format given by the file's suffix."""
@@ -189,7 +190,7 @@ class Answer(NamedTuple):
         elif suffix == ".json":
             Path(file).write_text(self.json(command), encoding="utf-8")
         elif suffix == ".csv":
-            next(iter(self.tables.values())).to_csv(file, index=False)
+            Path(file).write_bytes(as_csv(next(iter(self.tables.values()))))
         elif suffix == ".xlsx":
             Path(file).write_bytes(as_workbook(self.tables))
         elif suffix:
@@ -199,11 +200,36 @@ class Answer(NamedTuple):
         else:
             Path(file).mkdir(exist_ok=True)
             for name, table in self.tables.items():
-                table.to_csv(Path(file) / f"{name}.csv", index=False)
+                (Path(file) / f"{name}.csv").write_bytes(as_csv(table))
 
 
 def _rows(table: pd.DataFrame) -> Any:
+    table = encodable(table)
     return json.loads(table.to_json(orient="records", double_precision=15))
+
+
+#: Control characters except tab and newline, marks that reverse the order of text, and halves of
+#: pairs of surrogates.
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def printable(text: str) -> str:
+    r"""Return text that cannot command a terminal, with each control character as ``\uXXXX``.
+
+    JSON keeps its meaning, because its strings have the same escapes.
+    """
+    return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def encodable(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table whose text UTF-8 can encode: half a pair of surrogates becomes an escape."""
+
+    def text(cell: object) -> object:
+        if not isinstance(cell, str):
+            return cell
+        return cell.encode("utf-8", "backslashreplace").decode("utf-8")
+
+    return table.map(text).rename(columns=text)
 
 
 def check_output(file: str, forms: Sequence[str]) -> None:

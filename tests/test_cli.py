@@ -87,7 +87,7 @@ def test_summary_counts_only(capsys):
 def test_a_csv_file_contains_all_columns(tmp_path, capsys):
     file = tmp_path / "ledger.csv"
     assert main(["ledger", "icn2007", "-o", str(file)]) == 0
-    with open(file, newline="", encoding="utf-8") as stream:
+    with open(file, newline="", encoding="utf-8-sig") as stream:
         rows = list(csv.DictReader(stream))
     table = ledger("icn2007").table().reset_index()
     assert list(rows[0]) == list(table.columns)
