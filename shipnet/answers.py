@@ -9,7 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, load_extra
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv, as_workbook
 
@@ -233,10 +233,12 @@ def encodable(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def check_output(file: str, forms: Sequence[str]) -> None:
-    """Raise ArgumentError if `file` has a suffix not in `forms`, or if its folder is missing."""
-    if Path(file).suffix.lower() not in ("", *forms):
+    """Raise if `file` has a suffix not in `forms`, its folder is missing, or openpyxl is needed."""
+    if (suffix := Path(file).suffix.lower()) not in ("", *forms):
         raise ArgumentError(
             f"-o is {file!r}; its suffix must be one of {', '.join(forms)}, or none for a folder"
         )
     if not (folder := Path(file).absolute().parent).is_dir():
         raise ArgumentError(f"-o is {file!r}; there is no folder {folder}")
+    if suffix == ".xlsx":
+        load_extra("openpyxl", "openpyxl")

@@ -25,7 +25,7 @@ from typing import Any
 from xml.etree import ElementTree
 from zipfile import ZipFile
 
-from shipnet.errors import InputError, listed
+from shipnet.errors import InputError, listed, load_extra
 from shipnet.lazy import pd
 
 #: A number; its decimal separator, if any, is a point.
@@ -559,6 +559,8 @@ def as_csv(table: pd.DataFrame, digits: int | None = None) -> bytes:
 
 def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
     """Return tables as the sheets of an Excel workbook, with frozen titles."""
+    load_extra("openpyxl", "openpyxl")
+
     from openpyxl import Workbook
     from openpyxl.cell import WriteOnlyCell
     from openpyxl.cell.cell import ILLEGAL_CHARACTERS_RE

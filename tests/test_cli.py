@@ -123,6 +123,13 @@ def test_json_is_the_result_as_data(name, words, capsys):
     assert streams.err == ""
 
 
+def test_a_missing_library_for_workbooks_is_reported_before_any_work(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    assert main(["design", "none.csv", "-o", "r.xlsx"]) == 2
+    said = "shipnet: openpyxl is not installed; install it with: python -m pip install openpyxl\n"
+    assert capsys.readouterr().err == said
+
+
 def test_json_also_reports_errors(tmp_path, capsys):
     file = tmp_path / "list.csv"
     file.write_text("tag,signal,x,y,z\nA,contact,far,0,0\nB,contct,1,0,0\n", encoding="utf-8")

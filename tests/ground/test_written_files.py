@@ -4,6 +4,7 @@ import ast
 import csv
 import io
 import json
+import sys
 from pathlib import Path
 
 import openpyxl
@@ -80,6 +81,12 @@ def test_editing_a_text_in_a_workbook_makes_no_formula():
     )
     assert [cell.quotePrefix for cell in book["one"]["A"]] == [False, True, False]
     assert [cell.value for cell in book["one"]["A"]] == ["a", "=1", "b"]
+
+
+def test_a_workbook_without_openpyxl_names_the_package(monkeypatch):
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    with pytest.raises(ImportError, match="openpyxl is not installed; install it with"):
+        as_workbook({"one": pd.DataFrame({"a": [1]})})
 
 
 def printable_names():
