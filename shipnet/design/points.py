@@ -53,9 +53,6 @@ _MARK = r"\W*(?:deleted?|cancell?ed|void|not used|spare|삭제|예비)"
 _MARKED = re.compile(rf"{_MARK}\W*", re.IGNORECASE)
 _MARKED_TAG = re.compile(rf"{_MARK}\b.*", re.IGNORECASE)
 
-#: Start of text that a spreadsheet would read as a formula if there were no apostrophe.
-_FORMULA = re.compile(r"'+[=+\-@]")
-
 
 def score(reading: Reading) -> Callable[[Sequence[str]], float]:
     """Return a function that scores how well the cells of a row serve as titles of an I/O list."""
@@ -303,17 +300,16 @@ def _holds_number(cell: str) -> bool:
 
 
 def clean(cell: str) -> str:
-    """Return the text of a cell as one line, without the apostrophe that precedes a formula."""
+    """Return the text of a cell as one line."""
     # The space is the only printable whitespace character.
-    text = cell if cell.isprintable() and "  " not in cell else " ".join(cell.split())
-    return text[1:] if text[:1] == "'" and _FORMULA.match(text) else text
+    return cell if cell.isprintable() and "  " not in cell else " ".join(cell.split())
 
 
 def _cleaned(cells: Sequence[str]) -> list[str]:
     """Return the cleaned cells of a column."""
     # If no cell needs cleaning, one test of all cells suffices; cells are already stripped.
     text = "|".join(cells)
-    if text.isprintable() and "  " not in text and "'" not in text:
+    if text.isprintable() and "  " not in text:
         return list(cells)
     known = {cell: clean(cell) for cell in set(cells)}
     return [known[cell] for cell in cells]

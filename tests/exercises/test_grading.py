@@ -326,7 +326,7 @@ def test_the_command_writes_grades_and_what_is_not_correct(tmp_path, capsys):
     outputs = [word for file in files for word in ("-o", str(file))]
     assert main(["grade", str(tmp_path), *outputs]) == 0
     assert "1 notebook, 0 with a flag" in capsys.readouterr().out
-    titles, row = files[0].read_text().splitlines()
+    titles, row = files[0].read_text(encoding="utf-8-sig").splitlines()
     assert titles == "name,file,ex-04-1,ex-04-2,ex-04-3,ex-04-4,points,flags"
     assert row == "Ann,a.ipynb,0,0,1,0,1,"
     assert "<td>NameError: name 'cycle_ms' is not defined</td>" in files[1].read_text()
