@@ -169,14 +169,15 @@ def fired_table(version: str = "printed") -> pd.DataFrame:
 def through_registers(code: str) -> str:
     """Return the top-ranked fault for a corrected row after its readings are sent in registers.
 
-    Missing values follow from the state that the row describes; DVPos is used without being sent.
+    Missing values follow from the state that the row describes. DVPos is used without being sent;
+    it does not apply while the motor is off.
     """
     tests = rule_vectors(fill="physical").loc[[code]]
     names = [channel.name for channel in CHANNELS]
     registers = RegisterMap().encode(tests[names].to_numpy().T, close=False, open=True).registers
     received = pd.DataFrame(RegisterMap().decode(registers).readings.T, tests.index, names)
     tests = received.assign(DVPos=tests["DVPos"])
-    return str(BASE.check(tests, "crisp")["top"].iloc[0])
+    return str(BASE.decide(tests, "crisp", applies={"DVPos": tests["DVPos"].notna()}).top[0])
 
 
 @check("kim2014-026", code="normal", channel="DVPos", value=11.0, counter={"value": 0.0})
