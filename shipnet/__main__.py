@@ -9,9 +9,9 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
 from textwrap import shorten
-from typing import Any
+from typing import Any, NoReturn, TextIO
 
-from shipnet.answers import FORMS, Answer, check_output
+from shipnet.answers import FORMS, Answer, check_output, encodable, printable
 from shipnet.errors import ArgumentError, InputError
 from shipnet.lazy import pd
 
@@ -216,7 +216,7 @@ def _design(arguments: argparse.Namespace) -> Answer | None:
 
     settings = settings_of(arguments)
     if arguments.show_settings:
-        print(settings.text(), end="")
+        _print(settings.text(), end="")
         return None
     found = compared(arguments, settings)
     costs = {} if found.best is None else {"total_cost": found.best.quantities()["total_cost_eur"]}
@@ -295,16 +295,16 @@ def _serve(arguments: argparse.Namespace) -> None:
         server = serve(n_valves, faults=faults, watchdog=arguments.watchdog, **options)
     try:
         with server:
-            print(f"listening on {where.format(server.port)}: {units}; Ctrl-C stops", flush=True)
+            _print(f"listening on {where.format(server.port)}: {units}; Ctrl-C stops")
             Event().wait()
     except KeyboardInterrupt:
-        print("stopped", flush=True)
+        _print("stopped")
 
 
 def _grade(arguments: argparse.Namespace) -> Answer:
     from shipnet.exercises.grading import as_html, grade
 
-    grades, verdicts = grade(arguments.folder)
+    grades, verdicts = map(encodable, grade(arguments.folder))
     correct = grades.drop(columns=["name", "file", "points", "flags"]).sum()
     count = f"{len(grades)} notebook{'s' * (len(grades) != 1)}"
     verdict = f"{count}, {(grades['flags'] != '').sum()} with a flag"
@@ -332,7 +332,7 @@ def _fleet(arguments: argparse.Namespace) -> None:
         client=arguments.scheduler,
     )
     valves, faults, samples, strokes, size = found.sum().tolist()
-    print(
+    _print(
         f"{valves} valves, {arguments.days} days, {faults} faults, {samples} samples, {strokes} "
         f"strokes: {size / 1e6:.1f} MB of synthetic data in {arguments.out}"
     )
@@ -345,10 +345,18 @@ _COMMANDS = {
 }  # fmt: skip
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors cannot command the terminal with a word of the command line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the usage and an error, and exit."""
+        super().error(printable(message))
+
+
 def _parser() -> argparse.ArgumentParser:
     from shipnet import __version__
 
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="shipnet",
         description="Simulate and design field buses for ships, and check papers about them.",
         epilog="example: shipnet ledger kim2023",
@@ -398,6 +406,14 @@ def _option(
     )
 
 
+def _print(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
+    """Print text that may come from a file; what would command a terminal is shown as escapes."""
+    stream = sys.stdout if stream is None else stream
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    text = printable(text).encode(encoding, "backslashreplace").decode(encoding)
+    print(text, end=end, file=stream, flush=True)
+
+
 def _run(arguments: argparse.Namespace) -> int:
     """Run a command; write its files first, because the reader of the output may stop early."""
     for file in arguments.output:
@@ -408,11 +424,10 @@ def _run(arguments: argparse.Namespace) -> int:
     for file in arguments.output:
         answer.save(file, arguments.command)
     if arguments.json:
-        print(answer.json(arguments.command), end="")
+        _print(answer.json(arguments.command), end="")
     else:
-        print(answer.text)
-        for place, file in enumerate(arguments.output):
-            print("" if place else "\n", f"written: {file}", sep="")
+        written = "\n".join(f"written: {file}" for file in arguments.output)
+        _print(f"{answer.text}\n\n{written}" if written else answer.text)
     return 1 if answer.ok is False else 0
 
 
@@ -434,10 +449,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         lines = [str(mistake)]
         if isinstance(mistake, InputError) and len(mistake.faults) > 1:
             lines = [f"{mistake.file}:", *mistake.lines()]
-        print("shipnet:", "\n  ".join(lines), file=sys.stderr)
+        _print("shipnet: " + "\n  ".join(lines), sys.stderr)
         if parsed.json:
             faults = mistake.faults if isinstance(mistake, InputError) else ()
-            print(json.dumps({"command": parsed.command, "error": str(mistake), "faults": faults}))
+            _print(json.dumps({"command": parsed.command, "error": str(mistake), "faults": faults}))
         return 2
     return 0
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, load_extra
 from shipnet.lazy import Axes, pd
-from shipnet.tables import as_workbook
+from shipnet.tables import as_csv, as_workbook
 
 #: Columns that all findings have, in this order; others may follow.
 COLUMNS = ("rule", "object", "value", "low", "high", "unit", "verdict", "why", "source")
@@ -179,7 +180,7 @@ class Answer(NamedTuple):
             "findings": [] if self.findings is None else _rows(self.findings.table()),
             "tables": {name: _rows(table) for name, table in self.tables.items()},
         }
-        return json.dumps(data, indent=1, ensure_ascii=False) + "\n"
+        return printable(json.dumps(data, indent=1, ensure_ascii=False)) + "\n"
 
     def save(self, file: str, command: str) -> None:
         """Save the result in the format given by the file's suffix."""
@@ -189,7 +190,7 @@ class Answer(NamedTuple):
         elif suffix == ".json":
             Path(file).write_text(self.json(command), encoding="utf-8")
         elif suffix == ".csv":
-            next(iter(self.tables.values())).to_csv(file, index=False)
+            Path(file).write_bytes(as_csv(next(iter(self.tables.values()))))
         elif suffix == ".xlsx":
             Path(file).write_bytes(as_workbook(self.tables))
         elif suffix:
@@ -199,18 +200,45 @@ class Answer(NamedTuple):
         else:
             Path(file).mkdir(exist_ok=True)
             for name, table in self.tables.items():
-                table.to_csv(Path(file) / f"{name}.csv", index=False)
+                (Path(file) / f"{name}.csv").write_bytes(as_csv(table))
 
 
 def _rows(table: pd.DataFrame) -> Any:
+    table = encodable(table)
     return json.loads(table.to_json(orient="records", double_precision=15))
 
 
+#: Control characters except tab and newline, marks that reverse the order of text, and halves of
+#: pairs of surrogates.
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def printable(text: str) -> str:
+    r"""Return text that cannot command a terminal, with each control character as ``\uXXXX``.
+
+    JSON keeps its meaning, because its strings have the same escapes.
+    """
+    return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def encodable(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table whose text UTF-8 can encode: half a pair of surrogates becomes an escape."""
+
+    def text(cell: object) -> object:
+        if not isinstance(cell, str):
+            return cell
+        return cell.encode("utf-8", "backslashreplace").decode("utf-8")
+
+    return table.map(text).rename(columns=text)
+
+
 def check_output(file: str, forms: Sequence[str]) -> None:
-    """Raise ArgumentError if `file` has a suffix not in `forms`, or if its folder is missing."""
-    if Path(file).suffix.lower() not in ("", *forms):
+    """Raise if `file` has a suffix not in `forms`, its folder is missing, or openpyxl is needed."""
+    if (suffix := Path(file).suffix.lower()) not in ("", *forms):
         raise ArgumentError(
             f"-o is {file!r}; its suffix must be one of {', '.join(forms)}, or none for a folder"
         )
     if not (folder := Path(file).absolute().parent).is_dir():
         raise ArgumentError(f"-o is {file!r}; there is no folder {folder}")
+    if suffix == ".xlsx":
+        load_extra("openpyxl", "openpyxl")

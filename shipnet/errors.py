@@ -251,7 +251,7 @@ def name_of(code: int) -> str:
     return _NAMES[code]
 
 
-def load_extra(module: str, package: str, extra: str = "bus") -> Any:
+def load_extra(module: str, package: str) -> Any:
     """Return an optional module, or raise an error that names the package to install."""
     try:
         return import_module(module)
@@ -259,5 +259,5 @@ def load_extra(module: str, package: str, extra: str = "bus") -> Any:
         if problem.name != module:
             raise
         raise ImportError(
-            f'{package} is not installed; install it with: python -m pip install "shipnet[{extra}]"'
+            f"{package} is not installed; install it with: python -m pip install {package}"
         ) from None

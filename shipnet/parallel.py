@@ -84,7 +84,7 @@ def compute(
     client : None, int, str or distributed.Client, optional
         Where the tasks run: 1 for this process, 2..1024 for that many processes, the address of a
         Dask scheduler, or its client. By default, tasks run in this process, then in one process
-        per core if that saves over 4 s. Processes and Dask need ``pip install "shipnet[cluster]"``.
+        per core if that saves over 4 s. Processes need the package loky, Dask needs distributed.
     folder : path, optional
         Folder where results are saved as JSON, so that the same call resumes after an interruption.
         Results must be numbers, text, lists or dicts; a tuple becomes a list.
@@ -181,7 +181,7 @@ def _checked(client: Any, stack: ExitStack) -> Any:
     if client is None or hasattr(client, "get_executor"):
         return client
     if isinstance(client, str):
-        distributed = load_extra("distributed", "distributed", "cluster")
+        distributed = load_extra("distributed", "distributed")
         try:
             return stack.enter_context(distributed.Client(client, timeout=_ANSWER))
         except (OSError, ValueError, TypeError) as problem:
@@ -200,7 +200,7 @@ def _processes_for(left: float, function: Callable[..., Any]) -> int | None:
     if left < _WORTHWHILE or current_process().daemon:
         return None
     try:
-        loky = load_extra("loky", "loky", "cluster")
+        loky = load_extra("loky", "loky")
     except ImportError:
         return None
     cores = int(loky.cpu_count())
@@ -210,10 +210,10 @@ def _processes_for(left: float, function: Callable[..., Any]) -> int | None:
 def _executor(client: Any) -> tuple[Executor, int, type[Exception]]:
     """Return the executor, its number of workers, and the error that reports a lost worker."""
     if isinstance(client, int):
-        loky = load_extra("loky", "loky", "cluster")
+        loky = load_extra("loky", "loky")
         pool = loky.get_reusable_executor(client, env={"OMP_NUM_THREADS": "1"})
         return pool, client, BrokenProcessPool
-    lost = load_extra("distributed", "distributed", "cluster").KilledWorker
+    lost = load_extra("distributed", "distributed").KilledWorker
     try:
         workers = sum(client.nthreads().values())  # workers may join or leave later
     except OSError as problem:

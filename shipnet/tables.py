@@ -17,6 +17,7 @@ from datetime import date, time, timedelta
 from functools import cache
 from io import BytesIO, StringIO
 from math import inf
+from numbers import Number
 from operator import itemgetter
 from os import PathLike
 from pathlib import Path
@@ -24,7 +25,7 @@ from typing import Any
 from xml.etree import ElementTree
 from zipfile import ZipFile
 
-from shipnet.errors import InputError, listed
+from shipnet.errors import InputError, listed, load_extra
 from shipnet.lazy import pd
 
 #: A number; its decimal separator, if any, is a point.
@@ -195,7 +196,7 @@ def parse_sheet(
     number = before
     try:
         for number, row in enumerate(reader, before + 1):
-            cells = list(map(str.strip, row))
+            cells = list(map(cell_text, row))
             if any(cells):
                 rows.append((number, cells))
     except csv.Error as error:
@@ -219,7 +220,7 @@ def _top(
                 cells = next(csv.reader(lines[place:], delimiter=separator))
             except csv.Error:
                 continue
-            worth = float(is_titles([cell.strip() for cell in cells]))
+            worth = float(is_titles(list(map(cell_text, cells))))
             if worth > best[0]:
                 best = worth, (place, separator)
     return best[1]
@@ -505,7 +506,7 @@ def frame_sheet(table: pd.DataFrame, source: str = "table") -> Sheet:
 def _cell(value: Any) -> str:
     """Return a value as text."""
     if isinstance(value, str):
-        return value.strip()
+        return cell_text(value)
     if value is None:
         return ""
     # Excel stores every number as a float, and shows 7.0 as 7.
@@ -514,50 +515,79 @@ def _cell(value: Any) -> str:
 
 # Writing: DataFrames as CSV files and Excel workbooks --------------------------------------------
 
-#: Text that a spreadsheet may read as a formula.
-_FORMULA = re.compile(r"'*[=+\-@]")
+#: Text that a spreadsheet may read as a formula. Some drop white space before the sign; those of
+#: East Asia accept wide signs. Apostrophes are included, so that `cell_text` inverts `no_formula`.
+_FORMULA = re.compile(r"['\s\x00-\x1f\ufeff]*[=+\-@\uff1d\uff0b\uff0d\uff20\t\r\n]")
 
 #: Maximum width of a column [characters], and the number of rows that determine the width.
 _WIDEST, _LOOKED_AT = 60, 200
 
 
 def no_formula(text: str) -> str:
-    """Return text for a CSV file, with an apostrophe in front if it looks like a formula."""
-    return f"'{text}" if _FORMULA.match(text) else text
+    """Return text for a CSV file; an apostrophe precedes text like a formula, except a number."""
+    return f"'{text}" if _FORMULA.match(text) and not NUMBER.fullmatch(text) else text
 
 
-def as_csv(table: pd.DataFrame) -> bytes:
+def cell_text(cell: str) -> str:
+    """Return the text of a cell, stripped, and without the apostrophe that precedes a formula."""
+    cell = cell.lstrip()
+    return (cell[1:] if cell[:1] == "'" and _FORMULA.match(cell, 1) else cell).strip()
+
+
+def csv_text(rows: Iterable[Iterable[object]], digits: int | None = None) -> str:
+    """Return rows as CSV text in which no text is a formula; by default, numbers are exact."""
+
+    def written(cell: object) -> object:
+        if cell is None or (isinstance(cell, Number) and not (digits and isinstance(cell, float))):
+            return cell
+        if isinstance(cell, float):
+            return f"{cell:.{digits}g}"
+        # Before Python 3.13, csv does not quote a carriage return, which starts a new row.
+        return no_formula(re.sub("\r\n?", "\n", str(cell)))
+
+    stream = StringIO()
+    csv.writer(stream, lineterminator="\n").writerows(map(written, row) for row in rows)
+    # UTF-8 cannot encode half a pair of surrogates, which a JSON file may contain.
+    return stream.getvalue().encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def as_csv(table: pd.DataFrame, digits: int | None = None) -> bytes:
     """Return a table as CSV in UTF-8; its byte order mark keeps Excel from garbling Korean text."""
-    cells = table.map(_joined).map(lambda cell: no_formula(cell) if isinstance(cell, str) else cell)
-    written = cells.to_csv(index=False, lineterminator="\n", float_format="%.10g")
-    return written.encode("utf-8-sig")
+    rows = _values(table).itertuples(index=False, name=None)
+    return csv_text([table.columns, *rows], digits).encode("utf-8-sig")
 
 
 def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
     """Return tables as the sheets of an Excel workbook, with frozen titles."""
+    load_extra("openpyxl", "openpyxl")
+
     from openpyxl import Workbook
     from openpyxl.cell import WriteOnlyCell
     from openpyxl.cell.cell import ILLEGAL_CHARACTERS_RE
     from openpyxl.styles import Font
     from openpyxl.utils import get_column_letter
 
+    # XML has no half pairs of surrogates and no noncharacters.
+    illegal = re.compile(f"{ILLEGAL_CHARACTERS_RE.pattern}|[\ud800-\udfff\ufffe\uffff]")
     book = Workbook(write_only=True)
     for name, table in tables.items():
         sheet = book.create_sheet(name)
 
         def text(value: str, sheet: Any = sheet, font: Font | None = None) -> Any:
-            value = ILLEGAL_CHARACTERS_RE.sub("?", value)
-            if not (font or value.startswith(("=", "#"))):
+            value = illegal.sub("?", value)
+            formula = _FORMULA.match(value) is not None
+            if not (font or formula or value.startswith("#")):
                 return value
             cell = WriteOnlyCell(sheet, value)
             cell.data_type = "s"  # openpyxl would treat "=1" as a formula, "#N/A" as an error
+            cell.quotePrefix = formula  # it stays text when a user edits the cell
             if font:
                 cell.font = font
             return cell
 
         sheet.freeze_panes = "A2"
-        rows = table.astype(object).where(table.notna(), None).map(_joined)
-        rows = rows.replace({inf: "inf", -inf: "-inf"})  # a workbook cannot store infinity
+        # A workbook cannot store infinity.
+        rows = _values(table).replace({inf: "inf", -inf: "-inf"})
         for place, title in enumerate(table.columns, 1):
             shown = [title, *rows.iloc[:_LOOKED_AT, place - 1]]
             width = max(len(str(cell)) for cell in shown) + 2
@@ -568,6 +598,11 @@ def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
     stream = BytesIO()
     book.save(stream)
     return stream.getvalue()
+
+
+def _values(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table of objects, None where missing; a tuple is joined into one string."""
+    return table.map(_joined).astype(object).where(table.notna(), None)
 
 
 def _joined(cell: object) -> object:

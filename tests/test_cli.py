@@ -87,7 +87,7 @@ def test_summary_counts_only(capsys):
 def test_a_csv_file_contains_all_columns(tmp_path, capsys):
     file = tmp_path / "ledger.csv"
     assert main(["ledger", "icn2007", "-o", str(file)]) == 0
-    with open(file, newline="", encoding="utf-8") as stream:
+    with open(file, newline="", encoding="utf-8-sig") as stream:
         rows = list(csv.DictReader(stream))
     table = ledger("icn2007").table().reset_index()
     assert list(rows[0]) == list(table.columns)
@@ -121,6 +121,13 @@ def test_json_is_the_result_as_data(name, words, capsys):
                                      for one in answer["numbers"].values())  # fmt: skip
     assert next(iter(answer["tables"].values()))
     assert streams.err == ""
+
+
+def test_a_missing_library_for_workbooks_is_reported_before_any_work(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    assert main(["design", "none.csv", "-o", "r.xlsx"]) == 2
+    said = "shipnet: openpyxl is not installed; install it with: python -m pip install openpyxl\n"
+    assert capsys.readouterr().err == said
 
 
 def test_json_also_reports_errors(tmp_path, capsys):

@@ -1,7 +1,11 @@
 """environment.yml, pyproject.toml and requirements.lock name the same packages."""
 
+import ast
+import json
 import re
+import sys
 import tomllib
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import yaml
@@ -40,6 +44,49 @@ def test_the_same_packages_with_the_same_versions():
     assert packages == declared()
     assert CONDA["channels"] == ["conda-forge", "nodefaults"]
     assert CONDA["dependencies"][-1] == {"pip": ["-e ."]}
+
+
+def imports():
+    """Return the modules that the notebooks import, with one notebook for each."""
+    found = {}
+    for path in ROOT.glob("notebooks/**/*.ipynb"):
+        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+            if cell["cell_type"] == "code":
+                for node in ast.walk(ast.parse("".join(cell["source"]))):
+                    if isinstance(node, ast.Import):
+                        found |= {one.name.partition(".")[0]: path.name for one in node.names}
+                    elif isinstance(node, ast.ImportFrom):
+                        found[node.module.partition(".")[0]] = path.name
+    return {name: at for name, at in found.items() if name not in sys.stdlib_module_names}
+
+
+def test_what_notebooks_import_is_in_the_extra_for_notebooks():
+    found, known = imports(), packages_distributions()
+    assert found.keys() >= {"numpy", "pymodbus", "sklearn"}
+    allowed = set(declared())
+    missing = {
+        name: at
+        for name, at in found.items()
+        if name != "shipnet" and allowed.isdisjoint(map(str.lower, known.get(name, ())))
+    }
+    assert not missing
+
+
+def test_no_text_advises_to_install_shipnet_by_name():
+    """Nobody has registered the name: a stranger could, and the advice would run their code."""
+    files = [
+        ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md", "environment.yml")
+    ]
+    for folder in ("shipnet", "docs", "notebooks", ".github"):
+        for suffix in ("py", "pyi", "md", "toml", "yml", "ipynb", "html", "js"):
+            files += (ROOT / folder).rglob(f"*.{suffix}")
+    advice = re.compile(
+        r"shipnet\[\w|\b(?:install|tool run|uvx)\b[^\n]*?[ \"'`]shipnet[ \"'`\\=\n]"
+    )
+    found = [(path.relative_to(ROOT).as_posix(), line) for path in files
+             for line in path.read_text(encoding="utf-8").splitlines()
+             if advice.search(line + "\n") and "--no-index" not in line]  # fmt: skip
+    assert not found
 
 
 def test_the_lock_satisfies_them_and_is_hashed():

@@ -221,6 +221,13 @@ _IDENTIFICATION = [
 #: Largest fraction of repetitions for a green and a yellow light (P+F, AS-i 3.0 command interface).
 _LIGHTS = 0.01, 0.05
 
+#: Calls that do not show whether the master expects a slave: it may also search with a status.
+_SEARCH = [*_IDENTIFICATION, Call.READ_STATUS.rule.title]
+
+#: Largest number of data exchanges in a row without a response: the repetition must have one.
+_UNANSWERED = 1.0
+_MISSING = "missing responses in a row"
+
 #: Name used for the slave if the address in a request cannot be read.
 UNKNOWN = "unknown"
 
@@ -317,7 +324,7 @@ def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
     response, request = rows["response_error"], rows["request_error"]
     heard = rows[(rows["response"] != "") & (response != CUT_OFF)].groupby("slave")
     bad_requests = ~request.isin(_FINE)
-    polled = ~asked["call"].isin(_IDENTIFICATION)
+    polled = ~asked["call"].isin(_SEARCH)
     table = pd.DataFrame(
         {
             "requests": (rows["request"] != "").groupby(by).sum(),
@@ -333,6 +340,14 @@ def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
     )
     order = sorted(table.index, key=lambda name: (name == UNKNOWN, len(name.rstrip("AB")), name))
     return table.loc[order].rename_axis("slave")
+
+
+def _series(failed: pd.Series, slave: pd.Series) -> dict[str, list[int]]:
+    """Return the number of failures before each slave's first success, between two, and after."""
+    return {
+        str(name): [len(run) for run in "".join(map("01".__getitem__, tries)).split("0")]
+        for name, tries in failed.groupby(slave, sort=False)
+    }
 
 
 #: Longest sampling interval [s]: three samples per half-bit.
@@ -430,8 +445,10 @@ class Capture:
         """Check level, evenness, ringing and errors of requests and responses against limits.
 
         The level is the height of the first pulse; its limits are 1.5 V and, for responses, 4 V
-        (half of 3 V and 8 V peak to peak). The supply is checked if the record is DC coupled. All
-        slaves of a `plan` must have responded.
+        (half of 3 V and 8 V peak to peak). The supply is checked if the record is DC coupled. A
+        slave may leave one data exchange without a response, but not the next one, too; requests
+        with which the master searches for new slaves do not count. All slaves of a `plan` must have
+        responded.
         """
         return Findings(_judged(self, plan))
 
@@ -442,7 +459,7 @@ class Capture:
         concerned, if any; `share` is the fraction of the violated findings of `check` that the
         cause explains, 0..1; `evidence` gives the reason. Possible causes are a long cable or a
         stub, a second supply, a missing or wrong supply inductance, interference, a duplicate
-        address, a weak slave and a reversed probe.
+        address, a weak slave, a slave that does not respond and a reversed probe.
 
         The rules use the impedance of the line: a second supply halves its resistance and
         inductance; a long cable or a stub adds capacitance and echoes. The impedance is less
@@ -463,7 +480,7 @@ class Capture:
             found = line_causes(
                 self._restored, self.transactions, answering, self.disturbances,
                 self.supply_voltage,
-            ) or sender_causes(slaves, self.disturbances)  # fmt: skip
+            ) or sender_causes(slaves, self.disturbances, self._silences)  # fmt: skip
         return ranked(found, broken, self.inverted)
 
     def counters(self) -> pd.DataFrame:
@@ -576,12 +593,20 @@ class Capture:
         """Slave and call of each transaction, including each bad request that can be restored."""
         return _who(self)
 
+    @cached_property
+    def _silences(self) -> dict[str, list[int]]:
+        """Numbers of data exchanges without a response, by slave; see `_series`."""
+        rows, (slave, call) = self.transactions, (self._asked["slave"], self._asked["call"])
+        response = rows["response_error"]
+        data = (call == "data exchange") & (rows["request_error"] == "ok") & (response != CUT_OFF)
+        return _series((response == NO_ANSWER)[data], slave[data])
+
 
 def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
     """Return the findings of `Capture.check` as a table for `Findings`."""
     nan, table, slaves = float("nan"), capture.transactions, capture.slaves
     volts, read = capture.supply_voltage, float(capture.telegrams)
-    rows = [("telegrams", "line", read, 1.0, nan, "", "telegrams read")]
+    rows = [("telegrams", "line", read, 1.0, nan, "1", "telegrams read")]
     if volts == volts:
         rows.append(("supply voltage", "supply", volts, *_limits()[2:], "V", "at the scope"))
     asked = table[~table["request_error"].isin(["", CUT_OFF])]
@@ -597,22 +622,29 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
         most = most if kind == "response" else nan
         for what, value, low, high, unit in (
             ("level", level, least, most, "V"),
-            ("evenness", weakest, TOLERANCE.evenness, nan, ""),
-            ("ringing", ringing, nan, TOLERANCE.ringing, ""),
-            ("errors", bad, nan, 0.0, ""),
+            ("evenness", weakest, TOLERANCE.evenness, nan, "1"),
+            ("ringing", ringing, nan, TOLERANCE.ringing, "1"),
+            ("errors", bad, nan, 0.0, "1"),
         ):
             if value == value:
                 why = f"{kind}s of {who}"
                 rows.append((f"{kind} {what}", who, float(value), low, high, unit, why))
+    for name, series in capture._silences.items():
+        longest, why = float(max(series)), "the repetition of a data exchange needs a response"
+        if series == [1]:
+            longest, why = nan, "one data exchange without a response; record more cycles"
+        rows.append((_MISSING, f"slave {name}", longest, nan, _UNANSWERED, "1", why))
     for one in plan.slaves if plan is not None else ():
         count = float(slaves["answers"].get(one.label, 0))
-        rows.append(("answers", f"slave {one.label}", count, 1.0, nan, "", "it is in the plan"))
+        rows.append(("answers", f"slave {one.label}", count, 1.0, nan, "1", "it is in the plan"))
     columns = ["rule", "object", "value", "low", "high", "unit", "why"]
     found = pd.DataFrame(rows, columns=columns)
     missed = (found["value"] < found["low"]) | (found["value"] > found["high"])
-    found["verdict"] = np.where(missed, "violated", "met")
+    known = np.where(missed, "violated", "met")
+    found["verdict"] = np.where(found["value"].isna(), "not verified", known)
     found["source"] = "IEC 62026-2 as quoted by SAP5S/SAP51, 2012, p. 29; kim2023, section 3.4"
     found.loc[found["rule"] == "supply voltage", "source"] = "ifm AC2904; SEW 31545580"
+    found.loc[found["rule"] == _MISSING, "source"] = "Beckhoff EL6201, operating phases"
     return found
 
 
@@ -621,12 +653,11 @@ def _counted(capture: Capture) -> pd.DataFrame:
     table, summary = capture.transactions, capture.summary()
     slave, call = capture._asked["slave"], capture._asked["call"]
     request, response = table["request_error"], table["response_error"]
-    silent = (response == NO_ANSWER) & ~call.isin(_IDENTIFICATION)
+    silent = (response == NO_ANSWER) & ~call.isin(_IDENTIFICATION) & ~slave.isin(summary.vacant)
     data = (call == "data exchange") & (slave != UNKNOWN)
-    failed = (~request.isin(_FINE) | ~response.isin(_FINE))[data].groupby(slave[data])
-    runs = [run for _, tries in failed for run in "".join(map("01".__getitem__, tries)).split("0")]
+    failed = _series((~request.isin(_FINE) | ~response.isin(_FINE))[data], slave[data])
     # A master drops a slave after two failed tries in each of three consecutive cycles.
-    dropped = sum(len(run) >= 6 for run in runs)
+    dropped = sum(run >= 6 for series in failed.values() for run in series)
     unexpected = table["text"].str.endswith("where none is expected")
     asked = int((table["request"] != "").sum())
     nan = float("nan")

@@ -8,6 +8,7 @@ the impedance at the master, modelled as one resistance, inductance and capacita
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -189,6 +190,7 @@ INDUCTANCE = "supply inductance missing or wrong"
 INTERFERENCE = "interference"
 DUPLICATE = "duplicate address"
 WEAK = "weak slave"
+SILENT = "silent slave"
 REVERSED = "reversed probe"
 
 #: Largest legal capacitance [F]: 100 m at 80 nF/km (Lapp), 62 slaves and a master at 50 pF each.
@@ -290,8 +292,14 @@ def line_causes(
     return []
 
 
-def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
-    """Return causes that affect individual slaves, and intermittent interference."""
+def sender_causes(
+    slaves: pd.DataFrame, bursts: int, silences: Mapping[str, Sequence[int]]
+) -> list[Found]:
+    """Return causes that affect individual slaves, and intermittent interference.
+
+    `silences` are the numbers of data exchanges that each slave leaves without a response before
+    its first response, between two responses, and after its last one.
+    """
     level = slaves["amplitude_V"]
     usual = float(level.median())
     found = []
@@ -305,16 +313,32 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
         elif slave["amplitude_V"] < _WEAKER * usual:
             found.append(Found(WEAK, said, str(label)))
     bad = slaves["errors"] + slaves["bad_requests"]
-    bad = bad[(bad > 0) & ~bad.index.isin([one.slave for one in found])]
+    named = [one.slave for one in found]
+    bad = bad[(bad > 0) & ~bad.index.isin(named)]
     silent = slaves.index[(slaves["answers"] == 0) & (slaves["requests"] > 2)]
-    if bursts and not len(bad) and not found and len(silent) == 1:
+    # Each response that is too weak to be read leaves a burst.
+    heard = len(silent) == 1 and 2 * bursts >= sum(silences.get(silent[0], ()))
+    if bursts and not len(bad) and not found and heard:
         said = f"none of its responses can be read; {bursts} bursts are not telegrams"
         return [Found(WEAK, said, str(silent[0]))]
+    for label, series in silences.items():
+        if max(series) < 2 or label in named:
+            continue
+        if len(series) == 1:
+            said = f"none of its {series[0]} data exchanges has a response: dead or not connected"
+        elif series[-1] > 1:
+            answered = len(series) - 1
+            said = f"it responds to {answered} data exchanges, but not to the last {series[-1]}"
+        elif len(bad) or bursts:  # interference explains it better
+            continue
+        else:
+            said = f"{max(series)} data exchanges in a row have no response, but later ones do"
+        found.append(Found(SILENT, said, label))
     one = bad.index[0] if len(bad) == 1 else ""
     if one and slaves["errors"][one] == bad[one] >= 3:
         said = f"all {int(bad[one])} bad telegrams are its responses, as if two slaves responded"
         found.append(Found(DUPLICATE, said, str(one)))
-    elif len(bad) or (bursts and not found):
+    elif len(bad) or (bursts and not named):
         where = f"{int(bad.sum())} intermittent bad telegrams at {len(bad)} slaves"
         found.append(Found(INTERFERENCE, f"{where}; {bursts} bursts that are not telegrams"))
     return found

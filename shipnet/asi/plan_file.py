@@ -13,7 +13,6 @@ the element's default. Columns may be in any order; `note` and unused columns ma
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Sequence
 from decimal import Decimal
 from os import PathLike
@@ -29,7 +28,7 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Number, declared
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
-from shipnet.tables import NUMBER, in_order, read_sheet, titled
+from shipnet.tables import NUMBER, csv_text, in_order, read_sheet, titled
 
 #: Numeric columns: the declaration of each, and the power of ten of its unit.
 _NUMBERS: dict[str, tuple[Any, int]] = {
@@ -71,11 +70,10 @@ def write_elements(elements: Sequence[Element], path: str | PathLike[str]) -> No
     for one in elements:
         if isinstance(one, CableRun) and not isinstance(one.cable, str):
             raise ArgumentError(f"{one} has a custom cable; a file can only name a cable type")
-    used = [column for column in COLUMNS if any(column in _row(element) for element in elements)]
-    with Path(path).open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, used, restval="", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(_row(element) for element in elements)
+    rows = list(map(_row, elements))
+    used = [column for column in COLUMNS if any(column in row for row in rows)]
+    cells = ([row.get(column) for column in used] for row in rows)
+    Path(path).write_text(csv_text([used, *cells]), encoding="utf-8", newline="")
 
 
 def _row(element: Element) -> dict[str, str]:

@@ -20,11 +20,12 @@ from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.ballast.plant import Movement, Plant
 from shipnet.ballast.rule_table import rule_base
-from shipnet.ballast.sensors import CHANNELS, position_speed, stroke_speed
+from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed, stroke_speed
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
 from shipnet.fuzzy.rules import Decision, Firing, RuleBase
+from shipnet.fuzzy.terms import NORMAL
 from shipnet.lazy import Axes, pd
 
 #: Full scale of each sensor on the operating display, in the sensor's unit.
@@ -217,6 +218,7 @@ class Tail(NamedTuple):
     """The last samples and active codes of a run, from which the next diagnosis starts."""
 
     samples: dict[str, Floats]
+    applies: dict[str, Bools]
     active: Bools
 
 
@@ -230,15 +232,33 @@ def rule_inputs(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Floats
     return {name: found[name] for name in base.names}
 
 
+def applicable(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Bools]:
+    """Return where the variables of a movement apply; elsewhere their values are not missing.
+
+    Without a reading of the motor current it is not known whether the valve moves.
+    """
+    blind = np.isnan(run.readings[:, 2])
+    found = {
+        # At any time, the speed is evaluated as soon as the position has been read for a second.
+        "DVPos": ~np.isnan(run.speed) | np.isnan(run.readings[:, 4])
+        if any_time
+        else run.active & (run.ran >= WINDOW - 1e-9) | blind,
+        "Time": run.running | blind,
+    }
+    return {name: mask for name, mask in found.items() if name in base.names}
+
+
 @checked
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """The diagnosis of every valve at every instant, as returned by `Run.diagnose`.
 
     The `run` was diagnosed with the rules of `base`. `samples` are the values of each variable,
-    shape (n_times, n_valves), NaN where it is not evaluated; `active` marks the active codes in the
-    order of ``base.codes``, shape (n_times, n_valves, n_rules). `before` marks the codes
-    that were active just before the run; the diagnosis of the next run starts from `tail`.
+    shape (n_times, n_valves), NaN where it is missing or, by `applies`, not evaluated. `active`
+    marks the active codes in the order of ``base.codes``, shape (n_times, n_valves, n_rules), and
+    `open` the codes that may be active but cannot be evaluated, because readings are missing.
+    `before` marks the codes that were active just before the run; the diagnosis of the next run
+    starts from `tail`.
 
     Notes
     -----
@@ -264,7 +284,9 @@ class Diagnosis:
     method: str
     threshold: float
     samples: dict[str, Floats]
+    applies: dict[str, Bools]
     active: Bools
+    open: Bools
     before: Bools
     tail: Tail
 
@@ -275,9 +297,8 @@ class Diagnosis:
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
-        """Top active code, or ``normal`` (``unknown`` if all is NaN); shape (n_times, n_valves)."""
-        silent = np.logical_and.reduce([np.isnan(self.samples[name]) for name in self.base.names])
-        return self.base.top_codes(self.active, silent)
+        """Top active code, else ``undetermined`` or ``normal``; shape (n_times, n_valves)."""
+        return self.base.top_codes(self.active, self.open.any(axis=2))
 
     @cached_property
     def onset(self) -> Bools:
@@ -310,7 +331,7 @@ class Diagnosis:
         """Return one row per motor run: its diagnosis to 5 s after its end, or to the next run."""
         table = stroke_rows(self.run)[["valve", "action", "start_s", "end_s", "outcome"]].copy()
         found = np.zeros((len(table), len(self.base.codes)), bool)
-        delay = np.full(len(table), np.nan)
+        doubtful, delay = np.zeros(len(table), bool), np.full(len(table), np.nan)
         for place, moved in enumerate(self.run.movements):
             first, ended, last = np.searchsorted(
                 self.time, [moved.start - 1e-9, moved.end - 1e-9, moved.end + _SETTLE + 1e-9]
@@ -318,18 +339,19 @@ class Diagnosis:
             again = np.flatnonzero(self.run.running[ended:last, moved.valve])
             last = ended + again[0] if again.size else last
             seen = self.active[first:last, moved.valve]
+            doubtful[place] = self.open[first:last, moved.valve].any()
             if seen.any():
                 found[place] = seen.any(axis=0)
                 delay[place] = self.time[first + seen.any(axis=1).argmax()] - moved.start
         table["active"] = self.base.active_codes(found)
-        table["top_fault"] = self.base.top_codes(found)
+        table["top_fault"] = self.base.top_codes(found, doubtful)
         table["delay_s"] = delay
         return table
 
     def firing(self, valve: int) -> Firing:
         """Return the firing strengths of all rules for one valve over time."""
         k = self._place(valve)
-        return _fire(self.base, {name: x[:, k] for name, x in self.samples.items()}, self.method)
+        return self._fire((slice(None), k))
 
     def explain(self, valve: int, time: float) -> str:
         """Return one sentence that explains the diagnosis of a valve at a time [s].
@@ -341,9 +363,8 @@ class Diagnosis:
             raise ArgumentError(f"time is {time!r}; the run contains no readings")
         at = check_scalar("time", time, "s", float(self.time[0]), inf)
         row, k = int(np.searchsorted(self.time, at + 1e-9, side="right")) - 1, self._place(valve)
-        given = {name: x[row : row + 1, k] for name, x in self.samples.items()}
-        firing = _fire(self.base, given, self.method)
-        return Decision(firing, self.threshold, self.active[row : row + 1, k]).explain(0)
+        firing = self._fire((row, k))
+        return Decision(firing, self.threshold, self.active[row, k], self.open[row, k]).explain()
 
     def is_active(self, valve: int, code: str) -> Bools:
         """Return a mask of the instants at which a code is active."""
@@ -374,18 +395,24 @@ class Diagnosis:
         ax.set(xlim=(0, 1.02), xlabel="greatest firing strength [-]")
         found = [code for code in base.ranking if active[base.codes.index(code)]]
         others = f", also {', '.join(found[1:])}" if found[1:] else ""
+        (top,) = base.top_codes(active[np.newaxis], self.open[:, self._place(valve)].any())
         ax.set_title(
-            f"diagnosis: {found[0]}{others}" if found else "diagnosis: normal", loc="left",
-            color=style.LIMIT["color"] if found else "C2",
+            f"diagnosis: {top}{others}", loc="left",
+            color="C2" if top == NORMAL else style.LIMIT["color"],
         )  # fmt: skip
         return ax
 
     def __repr__(self) -> str:
-        n, ever = self.run.n_valves, np.asarray(self.active.any(axis=0))
-        found, said = np.flatnonzero(ever.any(axis=1)), self.base.top_codes(ever)
+        n, doubtful = self.run.n_valves, self.open.any(axis=(0, 2))
+        said = self.base.top_codes(np.asarray(self.active.any(axis=0)), doubtful)
+        found = np.flatnonzero(said != NORMAL)
         faults = ", ".join(f"valve {k + 1}: {said[k]}" for k in found[:3])
         more = f" and {found.size - 3} more" if found.size > 3 else ""
         return f"Diagnosis({n} valve{'s' if n != 1 else ''}, {faults or 'all normal'}{more})"
+
+    def _fire(self, at: tuple[Any, int]) -> Firing:
+        given, applies = _at(at, self.samples), _at(at, self.applies)
+        return self.base.fire(given, self.method, applies=applies)
 
     def _place(self, valve: int) -> int:
         return check_whole("valve", valve, 1, self.run.n_valves) - 1
@@ -409,29 +436,39 @@ def diagnose_run(
     check_choice("method", method, METHODS)
     window = check_whole("n", n, 1, 1000)
     own = rule_inputs(run, base, any_time=method == "crisp")
+    due = applicable(run, base, any_time=method == "crisp")
     before = np.zeros((run.n_valves, len(base.rules)), bool)
-    samples, kept = own, 0
+    samples, applies, kept = own, due, 0
     if earlier is not None:
         before = earlier.active
         samples = {name: np.concatenate([earlier.samples[name], x]) for name, x in own.items()}
+        applies = {name: np.concatenate([earlier.applies[name], x]) for name, x in due.items()}
         kept = len(earlier.samples[base.names[0]])
     n_times = run.time.size
-    active = np.empty((n_times, run.n_valves, len(base.rules)), bool)
+    # Pages of zeros take no memory until something is open.
+    active, opened = (np.zeros((n_times, run.n_valves, len(base.rules)), bool) for _ in range(2))
     size = max(_AT_ONCE // run.n_valves, window)
     # Without instants the loop still runs once, so that wrong arguments are refused.
     for start in range(0, max(n_times, 1), size):
         first = max(kept + start - window + 1, 0)
-        part = {name: x[first : kept + start + size] for name, x in samples.items()}
-        decided = _fire(base, part, method).decide(threshold=threshold, k=k, n=n).active
-        active[start : start + size] = decided[kept + start - first :]
+        part = slice(first, kept + start + size)
+        firing = base.fire(_at(part, samples), method, applies=_at(part, applies))
+        decided = firing.decide(threshold=threshold, k=k, n=n)
+        new = slice(kept + start - first, None)
+        active[start : start + size] = decided.active[new]
+        if decided.open.any():
+            opened[start : start + size] = decided.open[new]
     last = slice(max(kept + n_times - window + 1, 0), None)
-    rest = {name: x[last].copy() for name, x in samples.items()}
-    tail = Tail(rest, active[-1].copy() if n_times else before)
-    return Diagnosis(run, base, method, threshold, own, active, before, tail)
+    tail = Tail(
+        {name: x.copy() for name, x in _at(last, samples).items()},
+        {name: x.copy() for name, x in _at(last, applies).items()},
+        active[-1].copy() if n_times else before,
+    )
+    return Diagnosis(run, base, method, threshold, own, due, active, opened, before, tail)
 
 
-def _fire(base: RuleBase, samples: dict[str, Floats], method: str) -> Firing:
-    return base.fire({name: samples[name] for name in base.names}, method)
+def _at(rows: Any, columns: Mapping[str, npt.NDArray[Any]]) -> dict[str, Any]:
+    return {name: x[rows] for name, x in columns.items()}
 
 
 @checked
@@ -447,8 +484,9 @@ def diagnose(
     Parameters
     ----------
     readings : mapping of str to array_like, or DataFrame, optional
-        Values of FP and OP [bar], MC [A], OT [degC], VPos [%] and DVPos [%/s] by name. NaN and
-        omitted values count as missing; a rule that needs a missing value does not fire.
+        Values of FP and OP [bar], MC [A], OT [degC], VPos [%] and DVPos [%/s] by name. NaN, omitted
+        values and values that no sensor reports count as missing (see Notes); a rule that needs a
+        missing value does not fire.
     method : {"fuzzy", "crisp", "midpoint"}, default "fuzzy"
         How the rules are evaluated: with ramps, with the comparisons as printed, or by comparison
         with the midpoints of the ramps.
@@ -460,12 +498,22 @@ def diagnose(
     Returns
     -------
     shipnet.fuzzy.Decision
-        The top fault, all active codes, and the reasons.
+        The top fault, all active codes, and the reasons. Without a fault, ``normal`` means that
+        every rule is excluded by a reading; otherwise the decision is ``undetermined``.
+
+    Notes
+    -----
+    A value counts as missing if it lies below its sensor's scale by more than 2.5 % of the scale or
+    above it by more than 6.25 %. These are the failure limits of NAMUR NE 43, 3.6 mA and 21 mA on a
+    scale of 4 to 20 mA. The scales are the universes of `rule_base`, such as 0..160 bar for FP: 170
+    bar is still a high pressure, 171 bar is not a reading.
 
     Examples
     --------
     >>> diagnose(FP=125, OP=4, MC=4)
     Decision(P1 1.00: FP 125 bar high 1.00, MC 4 A over 1.00; also V1 1.00; missing OT VPos DVPos)
+    >>> diagnose(FP=100, OP=2, MC=1.2, OT=-400, VPos=50)
+    Decision(undetermined: cannot exclude V2 O1; missing DVPos; out of range OT -400 degC)
     """
     given: dict[str, Any] = {} if readings is None else dict(readings)
     return rule_base().decide({**given, **values}, method, threshold=threshold)

@@ -176,8 +176,8 @@ class _Writer:
     def __init__(self, block: _Block) -> None:
         from shipnet import __version__
 
-        self._arrow = load_extra("pyarrow", "pyarrow", "cluster")
-        self._parquet = load_extra("pyarrow.parquet", "pyarrow", "cluster")
+        self._arrow = load_extra("pyarrow", "pyarrow")
+        self._parquet = load_extra("pyarrow.parquet", "pyarrow")
         self._block, self.size = block, 0
         settings = {k: v for k, v in block._asdict().items() if k not in ("folder", "number")}
         self._about = {"synthetic": BASIS, "made_by": f"shipnet {__version__}", **settings}
@@ -240,7 +240,7 @@ def write_fleet(
     InputError
         If the folder cannot be written to, or contains another fleet.
     ImportError
-        If pyarrow is not installed: ``pip install "shipnet[cluster]"``.
+        If pyarrow is not installed: ``python -m pip install pyarrow``.
 
     Notes
     -----
@@ -259,7 +259,7 @@ def write_fleet(
     ...     write_fleet(folder, valves=60, days=2)["strokes"].tolist()
     [505, 95]
     """
-    load_extra("pyarrow", "pyarrow", "cluster")
+    load_extra("pyarrow", "pyarrow")
     where = Path(folder).absolute()
     count = check_whole("valves", valves, 1, 100_000)
     lasts = check_whole("days", days, 1, 3650)

@@ -26,7 +26,7 @@ from shipnet.ballast.slave import ValveDevice, ValveRegisters, valve_slaves
 from shipnet.errors import FrameError
 from shipnet.fields import check_choice, check_rng, check_scalar, check_whole
 from shipnet.fuzzy.rules import RuleBase
-from shipnet.fuzzy.terms import NORMAL
+from shipnet.fuzzy.terms import NORMAL, UNDETERMINED
 from shipnet.lazy import pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Adu, ExceptionCode, Request, Response, decode
@@ -306,7 +306,8 @@ def _diagnosis_of(make: Callable[..., TestBed], code: str | None) -> Iterator[St
     base, active = diagnosis.base, diagnosis.active[:, _SIMULATOR - 1]
     found = [name for name in base.ranking if active[:, base.codes.index(name)].any()]
     expected = code or NORMAL
-    said = " ".join(found) or NORMAL
+    calm = (diagnosis.top[:, _SIMULATOR - 1] == NORMAL).all()
+    said = " ".join(found) or (NORMAL if calm else UNDETERMINED)
     step = f"{FAULTS[code][0]} ({code})" if code else "nothing wrong"
     yield Step(step, expected, said, expected in said.split())
     # The slave also diagnoses its own valve, and reports one row of the rule table.

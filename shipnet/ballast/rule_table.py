@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from functools import cache
 from math import inf
 
 from shipnet import datasets
@@ -55,8 +56,9 @@ def rule_base(slow_stroke: float | None = None) -> RuleBase:
     return RuleBase((*base.variables, time), (*base.rules, rule))
 
 
+@cache
 def _paper() -> RuleBase:
-    """Return the rules of the paper."""
+    """Return the rules of the paper; a rule base is immutable, so one is enough."""
     rows = _rows("kim2014_assumed_terms.csv")
     variables = [
         Variable(

@@ -82,7 +82,8 @@ class Monitor:
             speed = np.where(plant.active, found, np.nan)
         values = {c.name: x for c, x in zip(CHANNELS, plant.readings, strict=True)}
         values["DVPos"] = speed
-        fires = self.base.decide({name: values[name] for name in self.base.names}).active
+        applies = {"DVPos": ~np.isnan(speed)}
+        fires = self.base.decide(values, applies=applies).active
         self._calm = (plant.readings, fires.copy()) if calm else None
         return fires
 

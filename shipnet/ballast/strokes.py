@@ -81,7 +81,7 @@ class Strokes:
     Strokes(418 strokes; healthy: Act_1, Act_2, Act_5; gear damage: Act_3; seal defect: Act_4)
     >>> rules = strokes.rules(without="Act_1")
     >>> own = strokes.table().query("actuator == 'Act_1'")
-    >>> rules.decide(own[list(rules.names)])
+    >>> rules.decide(own[list(rules.names)], applies=strokes.applies.loc[own.index])
     Decision(104 samples: 104 normal)
     """
 
@@ -119,6 +119,12 @@ class Strokes:
         pressure of the pushing chamber at points 150 to 199; NaN in the other direction.
         """
         return self._features.copy()
+
+    @property
+    def applies(self) -> pd.DataFrame:
+        """Mask of the strokes to which the features of one direction apply, for `RuleBase.fire`."""
+        opening = self._features["opening"]
+        return pd.DataFrame({"flow_opening": opening, "flow_closing": ~opening})
 
     @cached_property
     def _features(self) -> pd.DataFrame:
@@ -222,7 +228,8 @@ class Strokes:
             base = source.rules(without=str(name))
             reports = {}
             for method in ("crisp", "fuzzy"):
-                decided = base.decide(tested[list(base.names)], method)
+                applies = self.applies.loc[tested.index]
+                decided = base.decide(tested[list(base.names)], method, applies=applies)
                 for flag in dict.fromkeys(rule.flag for rule in base.rules):
                     own = [rule.flag == flag for rule in base.rules]
                     reports[method, flag] = decided.active[:, own].any(axis=1)

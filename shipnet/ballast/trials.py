@@ -26,7 +26,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng, check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
 from shipnet.fuzzy.rules import draw_matrix
-from shipnet.fuzzy.terms import NORMAL, UNKNOWN
+from shipnet.fuzzy.terms import NORMAL, UNDETERMINED
 from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
 
@@ -327,7 +327,7 @@ def false_alarms(
     for block in _diagnosed(runs, wanted):
         for method, found in block.items():
             of = np.minimum((found.time + 1e-6) // every, starts.size - 1).astype(int)
-            calm = np.isin(found.top, [NORMAL, UNKNOWN])
+            calm = np.isin(found.top, [NORMAL, UNDETERMINED])
             before = np.concatenate([quiet[method], calm[:-1]])
             alarms[method] += int((before & ~calm).sum())
             spans = np.diff(found.time, prepend=last)
@@ -435,7 +435,7 @@ class FleetReport:
         """Return for how long faults are reported between the times `low` and `high` [s]."""
         ends = signals.groupby("valve")["time_s"].shift(-1).fillna(self.duration)
         spans = np.clip(ends, low, high) - np.clip(signals["time_s"], low, high)
-        return float(spans[~signals["top_fault"].isin([NORMAL, UNKNOWN])].sum())
+        return float(spans[~signals["top_fault"].isin([NORMAL, UNDETERMINED])].sum())
 
     def false_alarms(self) -> pd.DataFrame:
         """Return the alarms of valves that had no fault yet, with the columns of `alarms`."""

@@ -6,8 +6,6 @@ recognised; columns titled ``note`` are ignored. Identifiers are decimal, or hex
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -40,7 +38,7 @@ from shipnet.fields import (
     whole,
 )
 from shipnet.lazy import pd
-from shipnet.tables import NUMBER, Sheet, parse_sheet, read_bytes, read_sheet, text_of
+from shipnet.tables import NUMBER, Sheet, csv_text, parse_sheet, read_bytes, read_sheet, text_of
 
 T = TypeVar("T")
 
@@ -323,16 +321,14 @@ class MessageSet(Named[Message]):
     @property
     def text(self) -> str:
         """The set as CSV text, with times to the nanosecond."""
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(COLUMNS)
+        rows: list[tuple[object, ...]] = [COLUMNS]
         for message in self:
             times = (_milliseconds(getattr(message, time)) for time in TIMES)
-            writer.writerow(
-                [message.name, f"{message.arbitration_id:#x}", message.dlc, *times,
-                 "yes" if message.extended else "no", message.sender, message.bits]
+            rows.append(
+                (message.name, f"{message.arbitration_id:#x}", message.dlc, *times,
+                 "yes" if message.extended else "no", message.sender, message.bits)
             )  # fmt: skip
-        return stream.getvalue()
+        return csv_text(rows)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write a CSV file that `read_messages` can read; DBC and Excel suffixes are refused."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import re
 import tomllib
 from collections.abc import Sequence
@@ -15,6 +14,7 @@ from shipnet.design.planning import OPTIONS
 from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError, InputError
+from shipnet.tables import csv_text
 
 
 def settings_of(arguments: argparse.Namespace) -> Settings:
@@ -64,12 +64,10 @@ def save_faults(path: str | None, file: str = "", faults: Sequence[str] = ()) ->
     """Write the faults in an I/O list to a CSV file, one per row; without a path, do nothing."""
     if path is None:
         return
-    with Path(path).open("w", newline="", encoding="utf-8-sig") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(["file", "row", "column", "fault"])
-        for fault in faults:
-            found = _PLACED.fullmatch(fault)
-            writer.writerow([file, *(found.groups("") if found else ("", "", fault))])
+    found = [(_PLACED.fullmatch(fault), fault) for fault in faults]
+    rows = [(file, *(placed.groups("") if placed else ("", "", fault))) for placed, fault in found]
+    text = csv_text([("file", "row", "column", "fault"), *rows])
+    Path(path).write_text(text, encoding="utf-8-sig", newline="")
 
 
 def _choices(texts: Sequence[str]) -> dict[str, str]:

@@ -397,7 +397,7 @@ class Comparison:
             ("failures", self.failures()),
             ("reading", self.iolist.reading()),
         ):
-            yield f"{name}.csv", as_csv(table)
+            yield f"{name}.csv", as_csv(table, digits=10)
         taken = Counter[str]()
         for name, design in self.designs.items():
             folder = file_name(name)

@@ -126,7 +126,7 @@ class Design(Layout):
         """Yield the name and the content of each file that `save` writes."""
         found = self.tables()
         for name, table in found.items():
-            yield f"{name}.csv", as_csv(table)
+            yield f"{name}.csv", as_csv(table, digits=10)
         if find_spec("openpyxl"):
             yield f"{tables.file_name(self.name)}.xlsx", as_workbook(found)
         yield f"{tables.file_name(self.name)}.svg", self.single_line().encode()

@@ -20,7 +20,7 @@ from shipnet.fields import check_rng, check_whole
 from shipnet.lazy import Axes
 from shipnet.signals import ASI_PAIR, Saving, hardwired_conductors
 from shipnet.signals import SIGNALS as SIGNALS
-from shipnet.tables import no_formula
+from shipnet.tables import as_csv
 
 if TYPE_CHECKING:
     from shipnet.design.comparison import Comparison
@@ -177,11 +177,7 @@ class IoList(PointTable):
         """Write the list to a CSV file that `read_iolist` can read."""
         empty = [name for name in ("device", "ex") if not self.points[name].any()]
         names = [name for name in COLUMNS if name not in empty]
-        table = self.points[names].copy()
-        for name in {"tag", "system", "box", "note", "ex"}.difference(empty):
-            table[name] = list(map(no_formula, table[name]))
-        with Path(path).open("w", newline="", encoding="utf-8") as stream:
-            table.to_csv(stream, index=False, lineterminator="\n")
+        Path(path).write_bytes(as_csv(self.points[names]))
 
 
 @dataclass(frozen=True)

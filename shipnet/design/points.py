@@ -20,10 +20,13 @@ from shipnet.design.words import (
     COLUMNS,
     PLACED,
     UNITS,
+    YES,
     Reading,
     column_of,
     decimal_mark,
+    folded,
     is_frame,
+    is_intrinsically_safe,
     is_place_titles,
     read_number,
     widened,
@@ -49,9 +52,6 @@ RANGES: Mapping[str, tuple[float, float]] = {
 _MARK = r"\W*(?:deleted?|cancell?ed|void|not used|spare|삭제|예비)"
 _MARKED = re.compile(rf"{_MARK}\W*", re.IGNORECASE)
 _MARKED_TAG = re.compile(rf"{_MARK}\b.*", re.IGNORECASE)
-
-#: Start of text that a spreadsheet would read as a formula if there were no apostrophe.
-_FORMULA = re.compile(r"'+[=+\-@]")
 
 
 def score(reading: Reading) -> Callable[[Sequence[str]], float]:
@@ -300,17 +300,16 @@ def _holds_number(cell: str) -> bool:
 
 
 def clean(cell: str) -> str:
-    """Return the text of a cell as one line, without the apostrophe that precedes a formula."""
+    """Return the text of a cell as one line."""
     # The space is the only printable whitespace character.
-    text = cell if cell.isprintable() and "  " not in cell else " ".join(cell.split())
-    return text[1:] if text[:1] == "'" and _FORMULA.match(text) else text
+    return cell if cell.isprintable() and "  " not in cell else " ".join(cell.split())
 
 
 def _cleaned(cells: Sequence[str]) -> list[str]:
     """Return the cleaned cells of a column."""
     # If no cell needs cleaning, one test of all cells suffices; cells are already stripped.
     text = "|".join(cells)
-    if text.isprintable() and "  " not in text and "'" not in text:
+    if text.isprintable() and "  " not in text:
         return list(cells)
     known = {cell: clean(cell) for cell in set(cells)}
     return [known[cell] for cell in cells]
@@ -429,10 +428,16 @@ def points_of(
 ) -> tuple[pd.DataFrame, tuple[Remark, ...]]:
     """Convert the rows of a sheet to points; return the points and the remarks."""
     cells = Cells(sheet, reading)
-    texts = {name: _text(cells, name) for name in ("tag", "system", "box", "device", "ex")}
+    texts = {name: _text(cells, name) for name in ("tag", "system", "box", "device")}
+    texts["ex"] = _safety(cells)
     _check_tags(cells, texts["tag"])
     types = {word: found[0][0] for word, found in spellings("type").items()}
+    unsafe = cells.given("ex") & ~np.fromiter(map(bool, texts["ex"]), bool, len(cells.rows))
     signals = _signals(cells, _look_up(cells, "type", types, "DI, DO, AI or AO"), texts["ex"])
+    disagree = unsafe & np.fromiter(map(bool, texts["ex"]), bool, len(cells.rows))
+    cells.doubt(
+        f"intrinsically safe by the signal, but not by column {cells.title('ex')}", disagree
+    )
     categories = _look_up(cells, "category", _CATEGORIES, "I, II, III or nothing")
     numbers = read_numbers(cells, texts["box"])
     if "system" in cells.places:
@@ -463,6 +468,37 @@ def _text(cells: Cells, name: str) -> list[str]:
         bad = [n for n, text in enumerate(texts) if not text.isprintable() or cells.odd(n, name)]
         cells.wrong(bad, name, "printable text")
     return texts
+
+
+#: Titles of columns whose "yes" may also mean another type of protection.
+_HAZARD = re.compile("hazard|explosion|protection|class|방폭", re.IGNORECASE)
+
+
+def _safety(cells: Cells) -> list[str]:
+    """Return the mark of each point that its column calls intrinsically safe, otherwise ""."""
+    texts, title = _cleaned(cells["ex"]), cells.title("ex")
+    marks = {text: folded(text) for text in dict.fromkeys(texts) if text}
+    bad = [n for n in range(len(texts)) if cells.odd(n, "ex") not in ("", "true or false")]
+    bad += [n for n, text in enumerate(texts) if not text.isprintable()]
+    cells.wrong(sorted(set(bad)), "ex", "a mark such as Ex ia or Ex d, yes or no")
+    read = {text: is_intrinsically_safe(text) for text in marks}
+    if {"o", "x"} <= set(marks.values()):
+        read |= {text: (mark == "o", True) for text, mark in marks.items() if mark in ("o", "x")}
+        said = "o read as intrinsically safe, and x as not, because the column has both"
+        cells.remarks.append(Remark(f"{title}: {said}"))
+    is_yes = {text for text, (safe, _) in read.items() if safe and marks[text] in YES | {"o"}}
+    if _HAZARD.search(title):
+        read |= dict.fromkeys(is_yes, (True, False))
+    for safe, sure in sorted(set(read.values())):
+        own = {text: repr(text) for text in marks if read[text] == (safe, sure)}
+        rows = tuple(row for row, text in zip(cells.rows, texts, strict=True) if text in own)
+        more = f" and {len(own) - 5} more" if len(own) > 5 else ""
+        cited = ", ".join([*own.values()][:5]) + more
+        said = f"{title} {cited} read as {'' if safe else 'not '}intrinsically safe"
+        said += "" if sure else ", but does not say so clearly"
+        cells.remarks.append(Remark(said, rows, doubt=not sure, detail=sure))
+    known = {text: "IS" if text in is_yes else text for text, (safe, _) in read.items() if safe}
+    return [known.get(text, "") for text in texts]
 
 
 def _notes(cells: Cells) -> list[str]:

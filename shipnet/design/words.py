@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, lru_cache
 from typing import NamedTuple
@@ -305,6 +306,79 @@ _SAFE = re.compile(
     r"[\[(]?\b(?:ex[ -]?\(?\[?i[abc]?\]?\)?|eex ?i[abc]?|intrinsically safe|intrinsic safe|"
     r"I\.?S\.?(?= |\)|\]|$))[\])]?(?: ?II[ABC](?: ?T[1-6])?)?", re.IGNORECASE,
 )  # fmt: skip
+
+#: Cells of a column Ex or IS, without blanks and punctuation, that mean yes and no.
+YES = frozenset("yes y x 1 true ja j wahr sann 예 네 ✓ ✔ √ ○ ◯".split())
+_NO = frozenset(
+    " no n 0 false na none nil nein nei falsch usann 아니오 아니요 없음 해당없음".split(" ")
+)
+_PUNCTUATION = re.compile(r"[\s./_\u2010-\u2015\u2212\ufe0f-]+")
+
+#: Words for intrinsic safety, for other types of protection, for no protection, and for doubt.
+_INTRINSIC = re.compile(
+    r"(?<!\w)i[./]?s(?!\w)|intrinsic(?:ally)? safe(?:ty)?|eigensicher|egensikker|본질 ?안전|본안"
+)
+_OTHER = re.compile(r"flameproof|increased safety|내압|안전증")
+_WITHOUT = re.compile(
+    rf"(?:not?|non|nicht|keine?|ikke|ingen)[ -]*(?:e?ex|hazardous(?: area)?|applicable|required|"
+    rf"{_INTRINSIC.pattern})|비 ?(?:방폭|본질 ?안전)"
+)
+_UNLESS = re.compile(r"\b(?:not?|non|nicht|nein|keine?|nei|ikke)\b")
+
+#: Types of protection in a token that begins with Ex, after one, and without one; then groups,
+#: temperature classes and categories, and equipment protection levels.
+_KINDS = "(?:[idem][abc]?)+|n[abclr]{0,2}|p[xyzv]?[bc]?|[oqst][abc]?"
+_AFTER_EX = re.compile(rf"[ae]?ex({_KINDS}|)|(?:{_KINDS})")
+_ALONE = re.compile("i[abc]?|[dem][abc]?|de|n[acr]|p[xyz]?")
+_GROUP = re.compile("ii[abc]?|iii[abc]?|t[1-6]|[1-3][gd]?|g")
+_LEVEL = re.compile("[gd][abc]")
+
+
+def _protection(text: str) -> str:
+    """Return the types of protection in a marking, such as ``ia`` or ``dia``, or "" if unclear."""
+    tokens = re.findall(r"[^\W_]+", text)
+    found = [_AFTER_EX.fullmatch(token) for token in tokens]
+    alone = not any(one and one[1] is not None for one in found)
+    kinds, active = "", alone
+    for token, one in zip(tokens, found, strict=True):
+        if one and one[1] is not None:
+            kinds, active = kinds + one[1], True
+        elif _GROUP.fullmatch(token):
+            active = active and not kinds
+        elif active and (_ALONE.fullmatch(token) if alone else one):
+            kinds += token
+        elif alone and not _LEVEL.fullmatch(token):
+            return ""
+        else:
+            active = False
+    return kinds
+
+
+def folded(cell: str) -> str:
+    """Return a cell in lower case, with full-width characters replaced by plain ones."""
+    return unicodedata.normalize("NFKC", cell).casefold().strip()
+
+
+def is_intrinsically_safe(cell: str) -> tuple[bool, bool]:
+    """Return whether a cell of a column Ex or IS says "intrinsically safe", and if this is clear.
+
+    Square brackets mark associated apparatus: its own circuit is not intrinsically safe. A cell
+    that names both an intrinsically safe and another type of protection is unclear.
+    """
+    text = folded(cell)
+    word = _PUNCTUATION.sub("", text)
+    if word in YES or word in _NO:
+        return word in YES, True
+    if _WITHOUT.fullmatch(text):
+        return False, True
+    text = re.sub(r"\[[^\[\]]*\]|\bop[ -]?(?:is|pr|sh)\b", " ", text)
+    words, rest = _INTRINSIC.findall(text), _INTRINSIC.sub(" ", text)
+    kinds = _protection(rest)
+    safe = bool(words) or "i" in kinds
+    other = bool({*kinds} & {*"demnopqst"} or _OTHER.search(rest))
+    # The verb is may stand beside other words.
+    verb = not kinds and {*map(len, words)} & {2, 3} and re.search(r"\w", rest)
+    return safe, safe != other and not verb and not _UNLESS.search(text)
 
 
 def without_safety(word: str) -> tuple[str, str]:

@@ -75,9 +75,13 @@ Solution: TypeAlias = tuple[Answer, dict[str, object]]
 
 @dataclass(frozen=True)
 class Exercise:
-    """An exercise of a lesson: the options for its numbers, and a function that solves it."""
+    """An exercise of a lesson: the options for its numbers, and a function that solves it.
+
+    `variable` is the name in the lesson to which a student assigns the answer.
+    """
 
     key: str
+    variable: str
     draws: Mapping[str, Sequence[Any]]
     solve: Callable[..., Solution]
 
@@ -117,11 +121,11 @@ class Exercise:
 EXERCISES: dict[str, Exercise] = {}
 
 
-def solution(key: str, **draws: Sequence[Any]) -> Callable[[T], T]:
+def solution(key: str, variable: str, /, **draws: Sequence[Any]) -> Callable[[T], T]:
     """Register the decorated function as the solution of an exercise."""
 
     def decorate(solve: T) -> T:
-        EXERCISES[key] = Exercise(key, draws, solve)  # type: ignore[arg-type]
+        EXERCISES[key] = Exercise(key, variable, draws, solve)  # type: ignore[arg-type]
         return solve
 
     return decorate

@@ -1,9 +1,11 @@
 """Grading of notebooks that students handed in, for the command `shipnet grade`.
 
-A student's cells run in a separate process, which returns values of variables and results of
-functions. Answers are checked in this process, where no notebook can change the checks. The
-student's process starts in an empty folder and has no input; its time, memory and file size are
-limited. These measures do not protect the computer against an attack.
+Each notebook is graded in a process of its own, the judge, so that a notebook that ends the judge
+loses only its own grades. The judge starts another process for the student's cells, in which no
+notebook can change the checks; it returns values of variables and results of functions. The cells
+run in an empty folder and have no input; their time, memory and file size are limited. No read
+waits longer than a time limit, whoever keeps a pipe open. These measures do not protect the
+computer against an attack.
 """
 
 from __future__ import annotations
@@ -12,123 +14,133 @@ import ast
 import json
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
-import tempfile
 from collections import defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from hashlib import sha256
+from io import StringIO
 from pathlib import Path
-from threading import Timer
+from queue import SimpleQueue
+from tempfile import TemporaryDirectory, TemporaryFile
+from threading import Thread
 from time import monotonic
+from tokenize import COMMENT, generate_tokens
 from typing import Any
 
 import numpy as np
 
 from shipnet.errors import ArgumentError, InputError
-from shipnet.exercises.exercise import check, exercises, student
+from shipnet.exercises.exercise import Exercise, check, exercises, student
 from shipnet.lazy import pd
 
 #: The name in a notebook before a student changes it.
 EXAMPLE = "Kim"
 
-#: Time limit for a cell, and for all requests about one exercise [s]; limits on memory, file size
-#: and answer length [byte].
-LIMIT, MEMORY, FILE, ANSWER = 8.0, 4 << 30, 10 << 20, 1 << 20
+#: Time limits for a cell, which is also that for all requests about one exercise, and for a
+#: notebook [s].
+LIMIT, WHOLE = 8.0, 300.0
+
+#: Limits on memory, on each file that cells write, on a notebook and on an answer [byte].
+MEMORY, FILE, NOTEBOOK, ANSWER = 4 << 30, 10 << 20, 16 << 20, 1 << 20
+
+#: Maximum number of cells; maximum lengths of a name, a verdict and a shown path [characters].
+CELLS, NAME, VERDICT, PATH = 500, 100, 1000, 200
 
 #: Shortest solution whose copies are flagged [characters], not counting comments and spaces.
 _LONG = 80
 
 
-class _Ended(Exception):
+class _Ended(RuntimeError):
     """A student's process has ended; the message gives the reason."""
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a process and the processes that it started."""
-    if hasattr(os, "killpg"):
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-    process.kill()
+def _python(call: str, **streams: Any) -> subprocess.Popen[bytes]:
+    """Start a process that calls a function of this module."""
+    code = f"from shipnet.exercises import grading; grading.{call}"
+    return subprocess.Popen([sys.executable, "-P", "-c", code], start_new_session=True, **streams)
 
 
 class _Session:
     """The process that runs a student's cells; if a cell ends it, a new one runs the others."""
 
-    def __init__(self, cells: list[str], folder: str) -> None:
-        #: By cell number: why the process ended in the cell, and the error that the cell raised.
-        self.ended: dict[int, str] = {}
-        self.raised: dict[int, str] = {}
-        self.deadline = 0.0
-        self._cells, self._folder = cells, folder
+    def __init__(self, cells: list[str], limit: float, whole: float) -> None:
+        #: By cell number: the error that the cell raised, or why the process ended in it.
+        self.faults: dict[int, str] = {}
+        self._cells, self._limit, self._whole = cells, limit, whole
+        self._deadline = self._end = monotonic() + whole
         self._process: subprocess.Popen[bytes] | None = None
 
+    def allow(self) -> None:
+        """Allow the next requests the time of one exercise."""
+        self._deadline = min(monotonic() + self._limit, self._end)
+
     def ask(self, *task: object) -> Any:
-        """Return the result; raise _Ended if the process ends, RuntimeError if the task fails."""
+        """Return the result; raise RuntimeError if the task fails, _Ended if the process ends."""
         while self._process is None:
             self._start()
         return self._told(*task)
 
     def close(self) -> None:
-        """End the process."""
+        """End the process and those that it started, unless they left its process group."""
         if self._process is not None:
-            _end(self._process)
-            self._process.communicate()
+            if hasattr(os, "killpg"):
+                with suppress(ProcessLookupError, PermissionError):
+                    os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.kill()
+            self._process.wait()
             self._process = None
 
     def _start(self) -> None:
-        kept = ("PATH", "HOME", "LANG", "MPLCONFIGDIR", "SYSTEMROOT", "TEMP", "USERPROFILE")
-        environment = {name: os.environ[name] for name in kept if name in os.environ}
-        paths = (str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", ""))
-        environment |= {"MPLBACKEND": "agg", "PYTHONPATH": os.pathsep.join(filter(None, paths))}
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", "from shipnet.exercises import grading; grading.answer()"],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            cwd=self._folder, env=environment, start_new_session=True,
-        )  # fmt: skip
-        assert self._process.stdout is not None
-        self._process.stdout.readline()  # wait until it is ready
-        asked = self.deadline
+        pipe, nothing = subprocess.PIPE, subprocess.DEVNULL
+        self._process = _python("answer()", stdin=pipe, stdout=pipe, stderr=nothing)
+        self._deadline = self._end
+        self._told("run", "pass")  # wait until it is ready
         for number, cell in enumerate(self._cells):
-            if self._process is not None and number not in self.ended:
-                self.deadline = monotonic() + LIMIT
+            if self._process is not None:
+                self.allow()
                 try:
                     self._told("run", cell)
-                except _Ended as why:
-                    self.ended[number] = str(why)
                 except RuntimeError as error:  # the next cells run anyway
-                    self.raised[number] = str(error)
-        self.deadline = max(asked, monotonic() + LIMIT)
+                    self.faults[number] = str(error)
+                    if self._process is None:
+                        self._cells[number] = "pass"
+        self.allow()
 
     def _told(self, *task: object) -> Any:
-        process = self._process
-        assert process is not None and process.stdin is not None and process.stdout is not None
-        late = Timer(max(self.deadline - monotonic(), 0.01), _end, (process,))
-        late.start()
+        assert self._process is not None
+        replies: SimpleQueue[bytes] = SimpleQueue()
+        # Only a thread can be left behind if another process keeps the pipes open.
+        Thread(target=_exchange, args=(self._process, task, replies), daemon=True).start()
+        line = None
         try:
-            pickle.dump(task, process.stdin)
-            process.stdin.flush()
-            line = process.stdout.readline(ANSWER)
-        except OSError:
-            line = b""
-        finally:
-            late.cancel()
-        if not line:
-            why = "Python ended" if monotonic() < self.deadline else f"it took over {LIMIT:g} s"
-            self.close()
-            raise _Ended(f"stopped: {why}")
-        try:
+            line = replies.get(timeout=max(self._deadline - monotonic(), 0.01))
             reply = json.loads(line)
             value = _decoded(reply.get("value"), self)
         except Exception:  # the student's code can write to this pipe
             self.close()
-            raise _Ended("stopped: the answer is too large or has an unexpected type") from None
+            slow = self._whole if self._deadline == self._end else self._limit
+            why = {None: f"it took over {slow:g} s", b"": "Python ended"}
+            raise _Ended(f"stopped: {why.get(line, 'unexpected answer')}") from None
         if "error" in reply:
             raise RuntimeError(str(reply["error"]))
         return value
+
+
+def _exchange(process: subprocess.Popen[bytes], task: object, replies: SimpleQueue[bytes]) -> None:
+    """Send a request to a process, and put its reply into a queue; it is empty at the end."""
+    assert process.stdin is not None and process.stdout is not None
+    line = b""
+    with suppress(OSError):
+        pickle.dump(task, process.stdin)
+        process.stdin.flush()
+        line = process.stdout.readline(ANSWER)
+    replies.put(line)
 
 
 class _Remote:
@@ -206,16 +218,7 @@ def answer() -> None:
     nothing = os.open(os.devnull, os.O_RDWR)
     for pipe in range(3):
         os.dup2(nothing, pipe)
-    try:
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-        resource.setrlimit(resource.RLIMIT_FSIZE, (FILE, FILE))
-    except (ImportError, OSError, ValueError):  # not every system has these limits
-        pass
     space: dict[str, Any] = {"__name__": "__main__"}
-    answers.write(b"\n")
-    answers.flush()
     while True:
         try:
             what, text, *arguments = pickle.load(questions)
@@ -229,10 +232,47 @@ def answer() -> None:
                 found = eval(text, space)
                 value = _encoded(found(*arguments[0]) if what == "call" else found, text)
             line = json.dumps({"value": value})
+            if len(line) >= ANSWER:
+                raise ValueError(f"the answer is longer than {ANSWER >> 20} MB")
         except BaseException as error:  # including SystemExit
             line = json.dumps({"error": f"{type(error).__name__}: {error}"[:300]})
         answers.write(line.encode() + b"\n")
         answers.flush()
+
+
+def judge(limit: float, whole: float) -> None:
+    """Grade the notebook that standard input contains, and print the result as JSON."""
+    with suppress(ImportError):
+        import resource
+
+        for kind, most in (("AS", MEMORY), ("FSIZE", FILE), ("CPU", int(whole) + 1)):
+            with suppress(OSError, ValueError):  # not every system has this limit
+                resource.setrlimit(getattr(resource, f"RLIMIT_{kind}"), (most, most))
+    one = _HandIn("")
+    one.grade(sys.stdin.buffer.read(), limit, whole)
+    print(json.dumps(vars(one)), flush=True)
+    os._exit(0)  # do not wait for a student's process
+
+
+def _parsed(cell: str) -> tuple[list[ast.AST], str]:
+    """Return a cell's syntax nodes, and a digest of its code; both are empty if it cannot run.
+
+    The digest does not depend on comments and spaces; it is also empty if the code is short.
+    """
+    try:
+        nodes = list(ast.walk(ast.parse(cell)))
+        tokens = generate_tokens(StringIO(cell).readline)
+        words = [token.string for token in tokens if token.type != COMMENT]
+    except Exception:  # such as a MemoryError if the code is nested too deeply
+        return [], ""
+    code = " ".join(" ".join(words).split())
+    short = len(code.replace(" ", "")) < _LONG
+    return nodes, "" if short else sha256(code.encode()).hexdigest()
+
+
+def _plain(value: object) -> str:
+    """Return a text that can be written as UTF-8: a lone surrogate becomes an escape sequence."""
+    return str(value).encode("utf-8", "backslashreplace").decode()
 
 
 @dataclass
@@ -240,107 +280,151 @@ class _HandIn:
     """A notebook that a student handed in, and its verdicts."""
 
     file: str
-    cells: list[str] = field(default_factory=list)
-    #: By exercise: the checked name, and the number of the cell with the check.
-    checks: dict[str, tuple[str, int]] = field(default_factory=dict)
     name: str = ""
     verdicts: dict[str, str] = field(default_factory=dict)
     flags: list[str] = field(default_factory=list)
+    #: By exercise: a digest of the cell that assigns the answer.
+    digests: dict[str, str] = field(default_factory=dict)
 
-    @classmethod
-    def read(cls, path: Path, folder: Path) -> _HandIn:
-        """Read a notebook; flag it if it cannot be read."""
-        made = cls(path.relative_to(folder).as_posix())
+    @contextmanager
+    def flagging(self) -> Iterator[None]:
+        """Turn any error into a flag of this notebook, so that the others are graded."""
         try:
-            cells = json.loads(path.read_text("utf-8"))["cells"]
-            texts = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
-        except (OSError, ValueError, KeyError, TypeError, RecursionError):
-            made.flags.append("not a readable notebook")
-            return made
-        for text in texts:
-            lines = text.splitlines()
-            made.cells.append("\n".join("pass" if line[:1] in "%!" else line for line in lines))
-        made._find_checks()
-        return made
+            yield
+        except Exception as error:
+            self.flags.append(_plain(f"not graded: {str(error) or type(error).__name__}"[:300]))
 
-    def _find_checks(self) -> None:
-        edited = set()
-        for number, cell in enumerate(self.cells):
-            for node in _nodes(cell):
-                module = getattr(node, "module", None) if isinstance(node, ast.ImportFrom) else ""
-                names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-                if any(str(name).startswith("shipnet.exercises.") for name in [module, *names]):
-                    self.flags.append("imports the code that checks answers")
-                if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "check":
-                    key, *rest = node.args or [ast.Constant("")]
-                    if isinstance(key, ast.Constant) and rest and isinstance(rest[0], ast.Name):
-                        self.checks[str(key.value)] = (rest[0].id, number)
-                    elif isinstance(key, ast.Constant):
-                        edited.add(str(key.value))
-        self.flags += [f"check of {key} edited" for key in sorted(edited - self.checks.keys())]
+    def run(self, notebook: bytes) -> None:
+        """Grade the notebook in a process of its own."""
+        with self.flagging():
+            kept = ("PATH", "HOME", "LANG", "MPLCONFIGDIR", "SYSTEMROOT", "TEMP", "USERPROFILE")
+            environment = {name: os.environ[name] for name in kept if name in os.environ}
+            paths = (str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", ""))
+            environment |= {"MPLBACKEND": "agg", "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+            with (
+                TemporaryDirectory(ignore_cleanup_errors=True) as folder,
+                TemporaryFile() as given,
+                TemporaryFile() as said,  # no process can keep the end of a file from being read
+            ):
+                given.write(notebook)
+                given.seek(0)
+                process = _python(
+                    f"judge({LIMIT}, {WHOLE})",
+                    stdin=given, stdout=said, stderr=said, cwd=folder, env=environment,
+                )  # fmt: skip
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(1.2 * WHOLE)
+                process.kill()
+                process.wait()
+                said.seek(0)
+                lines = said.read(ANSWER).decode(errors="replace").splitlines()
+            line = lines[-1] if lines else "its process ended or did not end in time"
+            if not line.startswith("{"):  # it is the error that ended the judge
+                raise ValueError(line)
+            found = json.loads(line)
+            self.name, self.flags = _plain(found["name"]), [*map(_plain, found["flags"])]
+            self.verdicts, self.digests = (
+                {_plain(key): _plain(value) for key, value in found[part].items()}
+                for part in ("verdicts", "digests")
+            )
 
-    def solving(self, key: str) -> int:
-        """Return the index of the cell that assigns the checked name, or -1 if there is none."""
-        name, number = self.checks[key]
-        for before in range(number, -1, -1):
-            for node in _nodes(self.cells[before]):
-                stored = isinstance(getattr(node, "ctx", None), ast.Store)
-                if getattr(node, "id" if stored else "name", "") == name:
-                    return before
-        return -1
-
-    def lines_of(self, key: str) -> str:
-        """Return the code that solves an exercise, without comments; empty if it is short."""
-        solving = self.solving(key)
-        lines = ast.unparse(ast.parse(self.cells[solving])) if solving >= 0 else ""
-        return lines if len("".join(lines.split())) >= _LONG else ""
-
-    def grade(self) -> None:
+    def grade(self, notebook: bytes, limit: float, whole: float) -> None:
         """Run the cells and grade every exercise of the notebook's lessons."""
-        keys = []
-        for lesson in sorted({int(key[3:5]) for key in self.checks if key[3:5].isdecimal()}):
-            with suppress(ArgumentError):  # there is no such lesson
-                keys += [one.key for one in exercises(lesson)]
-        if not keys:
-            self.flags += [] if self.flags else ["no exercise check found"]
-            return
-        checks = {number for _, number in self.checks.values()}
-        cells = ["pass" if n in checks else cell for n, cell in enumerate(self.cells)]
-        with tempfile.TemporaryDirectory() as folder:
-            session = _Session(cells, folder)
-            try:
-                self._judge(keys, session)
-            finally:
-                session.close()
-
-    def _judge(self, keys: list[str], session: _Session) -> None:
         try:
-            self.name = str(session.ask("get", "me.name"))
-            me = student(self.name)
-        except (_Ended, RuntimeError, ArgumentError):
+            cells = json.loads(notebook)["cells"]
+            texts = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+            codes = [re.sub("(?m)^[%!].*", "pass", text) for text in texts]
+        except (ValueError, KeyError, TypeError, RecursionError):
+            self.flags.append("not a readable notebook")
+            return
+        if len(cells) > CELLS:
+            self.flags.append(f"more than {CELLS} cells")
+            return
+        parsed = [_parsed(code) for code in codes]
+        lessons: set[int] = set()
+        unchanged: set[tuple[object, str]] = set()
+        #: The last cell that assigns a name.
+        solving: dict[str, int] = {}
+        for number, (nodes, _) in enumerate(parsed):
+            for node in nodes:
+                match node:
+                    case ast.Module([ast.Expr(ast.Call(ast.Name("check")))]):
+                        codes[number] = "pass"  # the judge checks the answer
+                    case ast.Call(ast.Name("check"), [ast.Constant(key), ast.Name(name), *_]):
+                        unchanged.add((key, name))
+                    case ast.Constant(str(text)) if text[:3] == "ex-" and text[3:5].isdecimal():
+                        lessons.add(int(text[3:5]))
+                    case ast.Name(name, ast.Store()) | ast.FunctionDef(name) | ast.ClassDef(name):
+                        solving[name] = number
+                    case ast.ImportFrom(str(name)) | ast.alias(name):
+                        if name.startswith("shipnet.exercises."):
+                            self.flags.append("imports the code that checks answers")
+        asked: list[Exercise] = []
+        for lesson in sorted(lessons):
+            with suppress(ArgumentError):  # there is no such lesson
+                asked += exercises(lesson)
+        if not asked:
+            self.flags.append("no exercise found")
+            return
+        for one in asked:
+            if (one.key, one.variable) not in unchanged:
+                self.flags.append(f"check of {one.key} edited")
+            if (cell := solving.get(one.variable)) is not None and parsed[cell][1]:
+                self.digests[one.key] = parsed[cell][1]
+        session = _Session(codes, limit, whole)
+        try:
+            self._judge(asked, session, solving)
+        finally:
+            session.close()
+
+    def _judge(self, asked: list[Exercise], session: _Session, solving: dict[str, int]) -> None:
+        try:
+            name = str(session.ask("get", "me.name"))
+            self.name = name[:NAME]
+            if len(name) > NAME:
+                self.flags.append(f"name longer than {NAME} characters")
+            me = student(name)
+        except (RuntimeError, ArgumentError):
             self.flags.append("no name")
             me = student(EXAMPLE)
         if me == student(EXAMPLE):
             self.flags.append("name unchanged")
-        for key in keys:
-            if key not in self.checks:
-                self.verdicts[key] = "no check"
-                continue
-            name, cell = self.checks[key][0], self.solving(key)
-            session.deadline = monotonic() + LIMIT
+        for one in asked:
+            cell = solving.get(one.variable, -1)
+            session.allow()
             try:
-                answered = session.ask("get", name)
-                said = check(key, answered, me).text
-            except (_Ended, RuntimeError) as why:
-                said = session.ended.get(cell) or session.raised.get(cell) or str(why)
-            self.verdicts[key] = said
+                said = check(one.key, session.ask("get", one.variable), me).text
+            except RuntimeError as error:
+                said = session.faults.get(cell, str(error))
+            self.verdicts[one.key] = said[:VERDICT]
 
 
-def _nodes(cell: str) -> Iterator[ast.AST]:
-    try:
-        return ast.walk(ast.parse(cell))
-    except (SyntaxError, ValueError, RecursionError):
-        return iter(())
+def _search(root: Path) -> list[Path]:
+    """Return the notebooks in a folder and its subfolders, and the subfolders that are unreadable.
+
+    Links to folders are not followed, and folders may be nested to any depth.
+    """
+    folders, found = [root], []
+    for folder in folders:
+        try:
+            for path in folder.iterdir():
+                if path.is_dir() and not path.is_symlink():
+                    folders += [] if path.name == ".ipynb_checkpoints" else [path]
+                elif path.suffix == ".ipynb":
+                    found.append(path)
+        except OSError:
+            found.append(folder)
+    return sorted(found)
+
+
+def _read(path: Path, root: Path) -> bytes:
+    if not path.is_file() or not path.resolve().is_relative_to(root.resolve()):
+        raise ValueError("not a regular file in this folder")
+    with path.open("rb") as file:
+        notebook = file.read(NOTEBOOK + 1)
+    if len(notebook) > NOTEBOOK:
+        raise ValueError(f"larger than {NOTEBOOK >> 20} MB")
+    return notebook
 
 
 def grade(folder: str) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -352,12 +436,16 @@ def grade(folder: str) -> tuple[pd.DataFrame, pd.DataFrame]:
     root = Path(folder)
     if not root.is_dir():
         raise InputError(folder, "there is no such folder")
-    paths = sorted(path for path in root.rglob("*.ipynb") if ".ipynb_checkpoints" not in path.parts)
+    paths = _search(root)
     if not paths:
         raise InputError(folder, "there is no notebook in it")
-    handed = [_HandIn.read(path, root) for path in paths]
+    handed = [_HandIn(_plain(path.relative_to(root).as_posix())[-PATH:]) for path in paths]
+    read: list[tuple[_HandIn, bytes]] = []
+    for one, path in zip(handed, paths, strict=True):  # read all before the first one is run
+        with one.flagging():
+            read.append((one, _read(path, root)))
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(_HandIn.grade, handed))
+        list(pool.map(lambda pair: pair[0].run(pair[1]), read))
     _flag_copies(handed)
     keys = sorted({key for one in handed for key in one.verdicts})
     rows = []
@@ -397,9 +485,8 @@ def _flag_copies(handed: list[_HandIn]) -> None:
     for one in handed:
         if one.name and "name unchanged" not in one.flags:
             same["", f"{one.name} {sorted(one.verdicts)}"].append(one)
-        for key in one.checks:
-            if lines := one.lines_of(key):
-                same[key, lines].append(one)
+        for key, digest in one.digests.items():
+            same[key, digest].append(one)
     for (key, _), those in same.items():
         for one in those if len(those) > 1 else ():
             others = ", ".join(other.file for other in those if other is not one)

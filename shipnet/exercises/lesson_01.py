@@ -29,7 +29,7 @@ def _differential(bits: str) -> str:
     return out
 
 
-@solution("ex-01-1", bits=_WORDS)
+@solution("ex-01-1", "levels_1", bits=_WORDS)
 def levels(bits: str) -> Solution:
     """Levels of the given bits on the line."""
     right = _levels(bits)
@@ -44,7 +44,7 @@ def levels(bits: str) -> Solution:
     }
 
 
-@solution("ex-01-2", n_bits=range(7, 22), rate=(50, 125, 200, 250, 400))
+@solution("ex-01-2", "time_us", n_bits=range(7, 22), rate=(50, 125, 200, 250, 400))
 def telegram_time(n_bits: int, rate: int) -> Solution:
     """Duration of a telegram of equal bits, which has no edges, at a rate in kbit/s."""
     right = 1e3 * n_bits / rate
@@ -67,7 +67,7 @@ def _equal(bits: str) -> int:
     return sum(a == b for a, b in pairwise(bits))
 
 
-@solution("ex-01-3")
+@solution("ex-01-3", "count_pulses")
 def pulses() -> Solution:
     """Number of pulses in a telegram."""
     return Function(
@@ -93,7 +93,7 @@ def pulses() -> Solution:
     }
 
 
-@solution("ex-01-4", limit=range(400, 1201, 40))
+@solution("ex-01-4", "rate_kbit", limit=range(400, 1201, 40))
 def highest_rate(limit: int) -> Solution:
     """Bit rate at which the first zero of a pulse's spectrum is at `limit` [kHz]."""
     return Number(limit / 4, "kbit/s"), {

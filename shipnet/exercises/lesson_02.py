@@ -28,7 +28,7 @@ _ECHOES = {
 
 
 # Four of the five ends: the fewest for which no mistake below gives the right answer.
-@solution("ex-02-1", echoes=tuple(permutations(_ECHOES, 4)))
+@solution("ex-02-1", "ends", echoes=tuple(permutations(_ECHOES, 4)))
 def cable_ends(echoes: tuple[float, ...]) -> Solution:
     """Ends of the cables that return the given echoes."""
     right = tuple(_ECHOES[echo] for echo in echoes)
@@ -56,7 +56,13 @@ def cable_ends(echoes: tuple[float, ...]) -> Solution:
     }
 
 
-@solution("ex-02-2", length=range(60, 321, 20), delay=(5.0, 5.5, 6.0, 6.5, 7.0), place=(5, 10, 15))
+@solution(
+    "ex-02-2",
+    "echo_us",
+    length=range(60, 321, 20),
+    delay=(5.0, 5.5, 6.0, 6.5, 7.0),
+    place=(5, 10, 15),
+)
 def echo_time(length: int, delay: float, place: int) -> Solution:
     """Time at 0 m between a valve's signal and its echo from the end, for a delay in ns/m."""
     beyond, per_metre = length - place, delay * 1e-3
@@ -86,7 +92,7 @@ _WAVES = [
 _Wave = Callable[[float, float, float], float]
 
 
-@solution("ex-02-3")
+@solution("ex-02-3", "echo_of")
 def echo_height() -> Solution:
     """Height of the echo."""
     mistakes: dict[str, _Wave] = {
@@ -141,7 +147,7 @@ def _last(good: Callable[[int, float], bool], delay: float) -> int:
     return length
 
 
-@solution("ex-02-4", delay=tuple(k / 10 for k in range(45, 85, 2)))
+@solution("ex-02-4", "longest", delay=tuple(k / 10 for k in range(45, 85, 2)))
 def longest_cable(delay: float) -> Solution:
     """Last length before a tolerance is first violated."""
     longest = _last(_in_tolerance, delay)

@@ -15,7 +15,9 @@ _TURNED = str.maketrans("01", "10")
 
 
 # Palindromes such as 0110 are left out: they would hide a wrong order.
-@solution("ex-03-1", bits=tuple(f"{data:04b}" for data in range(1, 15) if data not in (6, 9)))
+@solution(
+    "ex-03-1", "telegram", bits=tuple(f"{data:04b}" for data in range(1, 15) if data not in (6, 9))
+)
 def telegram(bits: str) -> Solution:
     """Telegram with the given data bits."""
     right = frame(bits)
@@ -77,7 +79,7 @@ _MESSAGES = tuple(
 )
 
 
-@solution("ex-03-2", bits=_MESSAGES, generator=_GENERATORS)
+@solution("ex-03-2", "four_bits", bits=_MESSAGES, generator=_GENERATORS)
 def check_bits(bits: str, generator: str) -> Solution:
     """Check bits of a CRC."""
     return Bits(_check_bits(bits, generator)), {
@@ -113,7 +115,7 @@ _TRIED = [
 ]
 
 
-@solution("ex-03-3")
+@solution("ex-03-3", "distance")
 def distance() -> Solution:
     """Hamming distance of the given words."""
     return Function(_distance, _TRIED, lambda right: Whole(right, "places")), {
@@ -143,7 +145,7 @@ def distance() -> Solution:
     }
 
 
-@solution("ex-03-4", hits=(5, 8, 10, 20, 30, 40), years=(5, 10, 20, 25))
+@solution("ex-03-4", "crc_bits", hits=(5, 8, 10, 20, 30, 40), years=(5, 10, 20, 25))
 def crc_width(hits: int, years: int) -> Solution:
     """Width of the shortest CRC that misses, on average, fewer than one bad message in `years`."""
     messages = hits * 365 * years

@@ -9,7 +9,9 @@ from shipnet.exercises.exercise import ANY, Solution, solution
 _BIT = 6
 
 
-@solution("ex-04-1", master_pause=(2, 2.5, 3.5, 4, 4.5, 5, 6), slave_pause=(1.5, 2, 2.5))
+@solution(
+    "ex-04-1", "exchange_us", master_pause=(2, 2.5, 3.5, 4, 4.5, 5, 6), slave_pause=(1.5, 2, 2.5)
+)
 def transaction(master_pause: float, slave_pause: float) -> Solution:
     """Time from one request to the next."""
     right = Transaction(master_pause, slave_pause).duration * 1e6
@@ -27,7 +29,7 @@ def transaction(master_pause: float, slave_pause: float) -> Solution:
     }
 
 
-@solution("ex-04-2", slaves=range(8, 31), bits=(25, 26, 28))
+@solution("ex-04-2", "cycle_ms", slaves=range(8, 31), bits=(25, 26, 28))
 def cycle(slaves: int, bits: int) -> Solution:
     """Cycle time if each exchange takes `bits` bit times."""
     one = bits * _BIT / 1e3
@@ -55,7 +57,7 @@ def _efficiency(user_bits: int, master_pause: float, slave_pause: float) -> floa
 _TRIED = [(8, 2, 2), (4, 3, 2), (7, 2, 1.5), (8, 10, 2), (0, 2, 2)]
 
 
-@solution("ex-04-3")
+@solution("ex-04-3", "efficiency_of")
 def efficiency() -> Solution:
     """Percentage of time spent on user data."""
     return Function(_efficiency, _TRIED, lambda right: Number(right, "%")), {
@@ -94,7 +96,12 @@ def _fit(limit: float, exchanges: int, tail: int = 10, times: int = 1) -> int:
 
 
 # With each limit, one slave too many seems to fit if the last pause and response are omitted.
-@solution("ex-04-4", limit=(2.2, 2.5, 2.7, 3.0, 3.3, 3.8, 4.1, 4.4, 4.7, 5.0), repetitions=(3, 4))
+@solution(
+    "ex-04-4",
+    "most_slaves",
+    limit=(2.2, 2.5, 2.7, 3.0, 3.3, 3.8, 4.1, 4.4, 4.7, 5.0),
+    repetitions=(3, 4),
+)
 def most_slaves(limit: float, repetitions: int) -> Solution:
     """Largest number of slaves for which the master learns of a change within the limit."""
     right = _most(limit, repetitions)

@@ -38,7 +38,7 @@ def _plain(ids: Sequence[str]) -> bool:
 _PAIRS = tuple(filter(_plain, map(_pair, range(0x091, 0x780, 0x02F))))
 
 
-@solution("ex-05-1", ids=_PAIRS)
+@solution("ex-05-1", "carried", ids=_PAIRS)
 def carried(ids: tuple[str, str]) -> Solution:
     """Id bits that the bus carries, up to and including the one at which the loser stops."""
     numbers = [int(number, 16) for number in ids]
@@ -78,7 +78,7 @@ _TRIED = [
 ]
 
 
-@solution("ex-05-2")
+@solution("ex-05-2", "stuffed")
 def stuffed() -> Solution:
     """Bits with the stuff bits inserted."""
     return Function(stuff, _TRIED, Bits), {
@@ -99,7 +99,7 @@ def stuffed() -> Solution:
     }
 
 
-@solution("ex-05-3", stop_ms=(1.75, 2.0, 2.25), n_bytes=range(1, 8))
+@solution("ex-05-3", "response_ms", stop_ms=(1.75, 2.0, 2.25), n_bytes=range(1, 8))
 def response(stop_ms: float, n_bytes: int) -> Solution:
     """Longest response time of a message that waits for two others and is blocked by a third."""
     messages = MessageSet(
@@ -158,6 +158,7 @@ def _slacks(messages: MessageSet) -> dict[str, float]:
 
 @solution(
     "ex-05-4",
+    "slack_ms",
     messages=tuple(
         _table(names, rows) for rows in _SETS for names in permutations(("pitch", "pump", "rudder"))
     ),

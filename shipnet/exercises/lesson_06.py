@@ -15,7 +15,9 @@ def _question(first: int, quantity: int, function: int = 3) -> Request:
     return Request(FunctionCode(function), first, quantity)
 
 
-@solution("ex-06-1", unit=range(2, 31), number=range(301, 1000, 7), quantity=range(2, 11))
+@solution(
+    "ex-06-1", "request_1", unit=range(2, 31), number=range(301, 1000, 7), quantity=range(2, 11)
+)
 def request(unit: int, number: int, quantity: int) -> Solution:
     """Bytes of a request for holding registers, without the CRC."""
 
@@ -49,7 +51,7 @@ def request(unit: int, number: int, quantity: int) -> Solution:
     }
 
 
-@solution("ex-06-2", registers=range(6, 31), rate=(2400, 4800, 9600, 19200))
+@solution("ex-06-2", "response_ms", registers=range(6, 31), rate=(2400, 4800, 9600, 19200))
 def response_time(registers: int, rate: int) -> Solution:
     """Duration of a response on the line."""
 
@@ -86,7 +88,7 @@ def _scan_with(silences: float, n_slaves: int, n_registers: int, bit_rate: int) 
 _TRIED = [(1, 1, 9600), (31, 10, 19200), (60, 4, 38400), (247, 4, 115200), (247, 125, 4800)]
 
 
-@solution("ex-06-3")
+@solution("ex-06-3", "scan_time")
 def scan_time() -> Solution:
     """Duration of a scan of all slaves."""
     return Function(_scan, _TRIED, lambda right: Number(right, "s")), {
@@ -116,7 +118,11 @@ def scan_time() -> Solution:
 
 
 @solution(
-    "ex-06-4", rate=(38400, 57600, 115200), think_ms=range(3, 9), timeout_ms=range(150, 451, 50)
+    "ex-06-4",
+    "most_valves",
+    rate=(38400, 57600, 115200),
+    think_ms=range(3, 9),
+    timeout_ms=range(150, 451, 50),
 )
 def most_valves(rate: int, think_ms: int, timeout_ms: int) -> Solution:
     """Largest number of valves, one of them dead, that a master can scan in 2 s."""

@@ -17,7 +17,7 @@ _RINGS = tuple(
 )
 
 
-@solution("ex-07-1", ring=_RINGS)
+@solution("ex-07-1", "unread_1", ring=_RINGS)
 def unread(ring: dict[str, int]) -> Solution:
     """Number of unread bytes that the variables of a ring indicate."""
     found, wanted = Ring(_SIZE, "corrected"), State(**ring)
@@ -39,7 +39,9 @@ def unread(ring: dict[str, int]) -> Solution:
     }
 
 
-@solution("ex-07-2", places=(32, 64, 128, 256), rate=(600, 1200, 2400, 4800, 9600))
+@solution(
+    "ex-07-2", "empty_again_ms", places=(32, 64, 128, 256), rate=(600, 1200, 2400, 4800, 9600)
+)
 def empty_again(places: int, rate: int) -> Solution:
     """Time after which a ring that is not read looks empty again."""
     ring, stored = Ring(places), 0
@@ -112,7 +114,7 @@ _TRIED = [
 ]
 
 
-@solution("ex-07-3")
+@solution("ex-07-3", "lost_bytes")
 def lost_bytes() -> Solution:
     """Number of bytes lost in a sequence of writes and reads."""
     return Function(_lost, _TRIED, lambda right: Whole(right, "bytes")), {
@@ -142,7 +144,13 @@ def _places(needed: int) -> int:
 
 
 # Without the bytes already waiting, the next smaller power of two would be enough.
-@solution("ex-07-4", rate=(4800, 9600, 19200), pause_ms=(125, 250), waiting=(33, 36, 39, 42))
+@solution(
+    "ex-07-4",
+    "free_places",
+    rate=(4800, 9600, 19200),
+    pause_ms=(125, 250),
+    waiting=(33, 36, 39, 42),
+)
 def free_places(rate: int, pause_ms: int, waiting: int) -> Solution:
     """Free places of the smallest ring for the waiting bytes and those that arrive in a pause."""
     coming = rate * pause_ms // (1000 * _CHARACTER)

@@ -23,7 +23,7 @@ def _lost(n: int, cuts: Sequence[int]) -> int:
     return len(Loop(n, _POLL).reach([Break(section) for section in cuts]).lost)
 
 
-@solution("ex-08-1", n=range(32, 41), first=range(10, 14), second=range(16, 19))
+@solution("ex-08-1", "lost_1", n=range(32, 41), first=range(10, 14), second=range(16, 19))
 def between_cuts(n: int, first: int, second: int) -> Solution:
     """Number of valves lost if a loop is cut twice."""
     return Whole(_lost(n, [first, second]), "valves"), {
@@ -40,6 +40,7 @@ def between_cuts(n: int, first: int, second: int) -> Solution:
 
 @solution(
     "ex-08-2",
+    "oldest_s",
     period=(0.5, 1.0, 2.0),
     timeout=range(120, 221, 20),
     retries=(2, 3),
@@ -81,7 +82,7 @@ _TRIED: list[tuple[int, list[int]]] = [
 ]
 
 
-@solution("ex-08-3")
+@solution("ex-08-3", "lost_valves")
 def lost_valves() -> Solution:
     """Number of valves lost if a loop is cut any number of times."""
     return Function(_lost, _TRIED, lambda right: Whole(right, "valves")), {
@@ -102,7 +103,7 @@ def lost_valves() -> Solution:
     }
 
 
-@solution("ex-08-4", n=range(20, 46))
+@solution("ex-08-4", "timeout_ms", n=range(20, 46))
 def timeout(n: int) -> Solution:
     """Time-out with which one scan and two failed polls take exactly the 2 s of the rule."""
     left = RULE - _POLL.scan_time(n)

@@ -50,7 +50,7 @@ def _mean(found: list[str]) -> frozenset[str]:
     return frozenset({_BASE.codes[round(np.mean([*map(_BASE.codes.index, found)]))]})
 
 
-@solution("ex-09-1", readings=_cases())
+@solution("ex-09-1", "codes", readings=_cases())
 def codes(readings: dict[str, float]) -> Solution:
     """Rules that hold for the given readings."""
     found = list(_BASE.decide(readings, method="crisp").codes())
@@ -69,7 +69,7 @@ def codes(readings: dict[str, float]) -> Solution:
 
 
 # No two memberships are equal, so each mistake gives a different number.
-@solution("ex-09-2", FP=(116, 118, 119, 122, 124), OP=(2.25, 2.45, 2.65, 2.85))
+@solution("ex-09-2", "V1", FP=(116, 118, 119, 122, 124), OP=(2.25, 2.45, 2.65, 2.85))
 def strength(FP: float, OP: float) -> Solution:
     """Whether a rule with two terms holds as printed, and its firing strength with ramps."""
     terms = [float(_BASE[name]["high"].membership(x)) for name, x in (("FP", FP), ("OP", OP))]
@@ -125,7 +125,7 @@ _TRIED = [
 ]
 
 
-@solution("ex-09-3")
+@solution("ex-09-3", "persistent")
 def persistence() -> Solution:
     """Readings for which a code is active if its rule fires intermittently."""
     return Function(_persistent, _TRIED, Bits), {
@@ -157,7 +157,7 @@ def persistence() -> Solution:
     }
 
 
-@solution("ex-09-4", burst=(2, 3), period=(6, 7, 8), step=(50, 100, 200, 250))
+@solution("ex-09-4", "windows", burst=(2, 3), period=(6, 7, 8), step=(50, 100, 200, 250))
 def windows(burst: int, period: int, step: int) -> Solution:
     """Smallest k with which bursts raise no alarm, and the resulting delay, for each window."""
     bursts = ("1" * burst + "0" * (period - burst)) * 20

@@ -30,7 +30,7 @@ def _left(contacts: int, lines: int) -> float:
     return 100 * bus / wired
 
 
-@solution("ex-10-1", contacts=range(120, 401, 20), lines=range(3, 9))
+@solution("ex-10-1", "left_percent", contacts=range(120, 401, 20), lines=range(3, 9))
 def conductors_left(contacts: int, lines: int) -> Solution:
     """Conductors at the cabinet with AS-i, as a percentage of those with home runs."""
     left = _left(contacts, lines)
@@ -55,7 +55,7 @@ def _quantities(
     return plant.hardwired.quantities(), plant.on_asi.quantities()
 
 
-@solution("ex-10-2", modules=(12, 14, 16, 20, 24), distance=(30, 40, 60, 80))
+@solution("ex-10-2", "saved_percent", modules=(12, 14, 16, 20, 24), distance=(30, 40, 60, 80))
 def saved(modules: int, distance: float) -> Solution:
     """Cost that AS-i saves, as a percentage of the cost of home runs."""
 
@@ -78,7 +78,7 @@ def saved(modules: int, distance: float) -> Solution:
     }
 
 
-@solution("ex-10-3", modules=range(4, 9), spacing=(1, 1.5, 2, 2.5))
+@solution("ex-10-3", "distance_m", modules=range(4, 9), spacing=(1, 1.5, 2, 2.5))
 def break_even(modules: int, spacing: float) -> Solution:
     """Distance beyond which AS-i costs less than home runs."""
     (wired, bus), (wired_far, bus_far) = (
@@ -139,7 +139,7 @@ def _cases() -> list[tuple[_Options, int]]:
     return [(made_up, 5), *limits]
 
 
-@solution("ex-10-4")
+@solution("ex-10-4", "choose")
 def choice() -> Solution:
     """Cheapest option that has no faults and loses no more points than a limit allows."""
     options = (*dict.fromkeys((*_reviews()[0], *_reviews()[1])), "none")

@@ -2,7 +2,7 @@ from .rules import Decision as Decision
 from .rules import Firing as Firing
 from .rules import RuleBase as RuleBase
 from .terms import NORMAL as NORMAL
-from .terms import UNKNOWN as UNKNOWN
+from .terms import UNDETERMINED as UNDETERMINED
 from .terms import Interval as Interval
 from .terms import Rule as Rule
 from .terms import Term as Term

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Bools, Floats
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.fuzzy.terms import Rule, Variable
@@ -62,11 +62,16 @@ class Ramps:
         self._steps = np.flatnonzero(foot == shoulder)
         self._width = np.where(foot == shoulder, 1.0, shoulder - foot)[:, np.newaxis]
 
-    def strengths(self, x: Floats) -> Floats:
-        """Return the firing strengths (one row per rule) for values (one row per variable)."""
+    def strengths(self, x: Floats, *, doubtful: bool = False) -> Floats:
+        """Return the firing strengths (one row per rule) for values (one row per variable).
+
+        The membership of a missing value, NaN, is 0, or 1 if `doubtful`.
+        """
         within = np.minimum(np.maximum(x, self._low), self._high)
         signed = within[self._variable]
         signed *= self._sign
+        if doubtful:
+            signed[np.isnan(signed)] = inf
         # fmax replaces NaN with the foot (membership 0). Clipping avoids overflow on narrow ramps.
         part = np.fmax(signed, self._foot)
         np.minimum(part, self._shoulder, out=part)
@@ -84,9 +89,17 @@ class Ramps:
 
 
 def compare(
-    variables: Sequence[Variable], rules: Sequence[Rule], x: Floats, *, midpoint: bool
+    variables: Sequence[Variable],
+    rules: Sequence[Rule],
+    x: Floats,
+    *,
+    midpoint: bool,
+    doubtful: bool = False,
 ) -> Floats:
-    """Return the firing strengths: 1 if all comparisons of a rule hold, 0 otherwise."""
+    """Return the firing strengths: 1 if all comparisons of a rule hold, 0 otherwise.
+
+    A comparison with a missing value, NaN, holds only if `doubtful`.
+    """
     used = {pair for rule in rules for pair in rule.antecedent}
     holds = {}
     for values, variable in zip(x, variables, strict=True):
@@ -96,6 +109,8 @@ def compare(
             if (variable.name, term.name) in used:
                 limits = term.midpoint if midpoint else term.crisp
                 holds[variable.name, term.name] = limits.contains(seen)
+                if doubtful:
+                    holds[variable.name, term.name] |= np.isnan(values)
     rows = [np.logical_and.reduce([holds[pair] for pair in rule.antecedent]) for rule in rules]
     return np.array(rows, float)
 
@@ -104,11 +119,29 @@ def persistent(fires: Bools, k: int, n: int) -> Bools:
     """Return where a rule fired in `k` or more of the last `n` rows; no rule fires before row 0."""
     window = check_whole("n", n, 1, 10**6)
     least = check_whole("k", k, 1, window)
-    if window == 1:
-        return fires
+    return fires if window == 1 else np.asarray(_recent(fires, window) >= least)
+
+
+def undecided(fires: Bools, could: Bools, k: int, n: int) -> Bools:
+    """Return where only missing readings keep a rule from being active.
+
+    The rule `could` have fired in `k` of the last `n` rows or, of fewer than `k` rows, in all.
+    """
+    if could is fires:
+        return np.broadcast_to(np.False_, fires.shape)
+    if n == 1:
+        return could & ~fires
+    fired, most = _recent(fires, int(n)), _recent(could, int(n))
+    least = np.minimum(np.arange(1, len(fires) + 1), k)
+    enough = most >= least.reshape(-1, *[1] * (fires.ndim - 1))
+    return np.asarray(enough & (fired < k) & (fired < most))
+
+
+def _recent(fires: Bools, n: int) -> Integers:
+    """Return in how many of the last `n` rows each rule fired."""
     count = np.cumsum(fires, axis=0, dtype=np.int32)
-    count[window:] -= count[:-window]
-    return np.asarray(count >= least)
+    count[n:] -= count[:-n]
+    return np.asarray(count)
 
 
 def arrays(names: Sequence[str], samples: Samples) -> dict[str, Floats]:
@@ -131,6 +164,25 @@ def arrays(names: Sequence[str], samples: Samples) -> dict[str, Floats]:
     except ValueError:
         shapes = ", ".join(f"{name} {x.shape}" for name, x in given.items())
         raise ArgumentError(f"shapes are {shapes}; they must be equal or broadcastable") from None
+
+
+def masks(names: Sequence[str], applies: Samples, shape: tuple[int, ...]) -> dict[str, Bools]:
+    """Return the masks of variables by name, each of this shape."""
+    made: dict[str, Bools] = {}
+    for name, mask in applies.items():
+        given = np.asarray(mask)
+        if name not in names or given.dtype != bool:
+            raise ArgumentError(
+                f"applies[{name!r}] has the type {given.dtype}; it must be a bool mask of one of "
+                f"{', '.join(names)}"
+            )
+        try:
+            made[str(name)] = np.broadcast_to(given, shape)
+        except ValueError:
+            raise ArgumentError(
+                f"applies[{name!r}] has the shape {given.shape}; the samples have {shape}"
+            ) from None
+    return made
 
 
 def control_system(variables: Sequence[Variable], rules: Sequence[Rule]) -> Any:

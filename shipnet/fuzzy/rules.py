@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import combinations, product
-from math import isnan, prod
+from itertools import combinations, compress, product
+from math import nan, prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,9 +24,11 @@ from shipnet.fuzzy.firing import (
     arrays,
     compare,
     control_system,
+    masks,
     persistent,
+    undecided,
 )  # fmt: skip
-from shipnet.fuzzy.terms import NORMAL, UNKNOWN, Rule, Term, Variable
+from shipnet.fuzzy.terms import NORMAL, UNDETERMINED, Rule, Term, Variable
 from shipnet.lazy import Axes, pd
 
 #: Number of samples processed at a time, so that their arrays fit in the cache.
@@ -52,8 +54,8 @@ class RuleBase:
     --------
     >>> from shipnet import ballast
     >>> base = ballast.rule_base()
-    >>> base.decide({"FP": 121, "OP": 2.9}).explain()
-    'V1 0.60: FP 121 bar high 0.60, OP 2.9 bar high 0.90; missing MC OT VPos DVPos'
+    >>> base.decide({"FP": 121, "OP": 2.9, "MC": 1.2}).explain()
+    'V1 0.60: FP 121 bar high 0.60, OP 2.9 bar high 0.90; missing OT VPos DVPos'
     >>> base.fire({"FP": [90, 120, 124], "OP": 2.83})["V1"].round(2).tolist()
     [0.0, 0.5, 0.83]
     >>> base.overlaps().query("relation == 'b in a'")[["a", "b"]].to_numpy().tolist()
@@ -131,13 +133,13 @@ class RuleBase:
         """Return the variables and terms that a rule uses."""
         return [(self[name], self[name][term]) for name, term in rule.antecedent]
 
-    def top_codes(self, active: Bools, silent: npt.ArrayLike = False) -> npt.NDArray[np.object_]:
-        """Return the top active code per row; if none, ``unknown`` if `silent`, else ``normal``."""
+    def top_codes(self, active: Bools, doubtful: npt.ArrayLike = False) -> npt.NDArray[np.object_]:
+        """Return each row's top active code, else ``undetermined`` if `doubtful`, or ``normal``."""
         places = [self.codes.index(code) for code in self.ranking]
         ranked = active[..., places]
         first = np.where(ranked.any(axis=-1), ranked.argmax(axis=-1), len(places))
-        names = np.array([*self.ranking, NORMAL, UNKNOWN], dtype=object)
-        first += np.asarray(silent) & (first == len(places))
+        names = np.array([*self.ranking, NORMAL, UNDETERMINED], dtype=object)
+        first += np.asarray(doubtful) & (first == len(places))
         return np.asarray(names[first], dtype=object)
 
     def active_codes(self, active: Bools) -> list[str]:
@@ -158,29 +160,68 @@ class RuleBase:
         size, generator = check_whole("n", n, 0, 2**31), check_rng(rng)
         return {v.name: generator.uniform(v.low, v.high, size) for v in self.variables}
 
-    def fire(self, samples: Samples, method: str = "fuzzy") -> Firing:
+    def fire(
+        self,
+        samples: Samples,
+        method: str = "fuzzy",
+        *,
+        applies: Samples | None = None,
+    ) -> Firing:
         """Return the firing strength of every rule for every sample.
 
-        `samples` maps names of variables to numbers or arrays; it may be a DataFrame. NaN and
-        omitted variables count as missing; a rule that needs a missing value does not fire.
-        `method` is ``fuzzy``, ``crisp`` (comparisons as written) or ``midpoint`` (comparisons with
-        the midpoints of the ramps).
+        `samples` maps names of variables to numbers or arrays; it may be a DataFrame. NaN, omitted
+        variables and values that no sensor reports (see `Variable`) count as missing; a rule that
+        needs a missing value does not fire. `applies` maps names of variables to masks: where a
+        variable does not apply, no value is missing, and no rule that uses it can fire. `method` is
+        ``fuzzy``, ``crisp`` (comparisons as written) or ``midpoint`` (comparisons with the
+        midpoints of the ramps).
         """
         check_choice("method", method, METHODS)
         values = arrays(self.names, samples)
+        shape = values[self.names[0]].shape
+        due = {} if applies is None else masks(self.names, applies, shape)
         flat = [x.reshape(-1) for x in values.values()]
+        needed = [(self.names.index(name), mask.reshape(-1)) for name, mask in due.items()]
+        low, high = self._valid
         # One row per rule, so that each is written to consecutive memory.
-        strength = np.empty((len(self.rules), flat[0].size))
+        strength = possible = np.empty((len(self.rules), flat[0].size))
         for start in range(0, flat[0].size, _BLOCK):
             part = slice(start, start + _BLOCK)
             x = np.array([row[part] for row in flat])
-            if method == "fuzzy":
-                strength[:, part] = self.ramps.strengths(x)
-            else:
-                midpoint = method == "midpoint"
-                strength[:, part] = compare(self.variables, self.rules, x, midpoint=midpoint)
-        shape = values[self.names[0]].shape
-        return Firing(self, values, strength.T.reshape(*shape, len(self.rules)))
+            lost = ~((x >= low) & (x <= high))
+            x[lost] = nan
+            for place, mask in needed:
+                x[place, ~mask[part]] = nan
+                lost[place] &= mask[part]
+            strength[:, part] = best = self._strengths(x, method)
+            if lost.any():
+                if possible is strength:
+                    possible = strength.copy()
+                best = self._strengths(x, method, doubtful=True)
+                for place, mask in needed:
+                    best[self.users[place]] *= mask[part]
+            if possible is not strength:
+                possible[:, part] = best
+        found = [rows.T.reshape(*shape, len(self.rules)) for rows in (strength, possible)]
+        return Firing(self, values, found[0], found[possible is not strength], due)
+
+    @cached_property
+    def _valid(self) -> Floats:
+        """The lowest and the highest values that count as readings, shape (2, n_variables, 1)."""
+        return np.array([variable.valid for variable in self.variables]).T[..., np.newaxis]
+
+    @cached_property
+    def users(self) -> Bools:
+        """Mask of the rules that use each variable, shape (n_variables, n_rules)."""
+        return np.array([[name in rule.variables for rule in self.rules] for name in self.names])
+
+    def _strengths(self, x: Floats, method: str, *, doubtful: bool = False) -> Floats:
+        """Return one row of firing strengths per rule; if `doubtful`, missing terms hold."""
+        if method == "fuzzy":
+            return self.ramps.strengths(x, doubtful=doubtful)
+        return compare(
+            self.variables, self.rules, x, midpoint=method == "midpoint", doubtful=doubtful
+        )
 
     def decide(
         self,
@@ -190,9 +231,10 @@ class RuleBase:
         threshold: float = 0.5,
         k: int = 1,
         n: int = 1,
+        applies: Samples | None = None,
     ) -> Decision:
         """Call `fire`, then `Firing.decide`, and return the decision for every sample."""
-        return self.fire(samples, method).decide(threshold=threshold, k=k, n=n)
+        return self.fire(samples, method, applies=applies).decide(threshold=threshold, k=k, n=n)
 
     def overlaps(self, method: str = "crisp") -> pd.DataFrame:
         """Return the pairs of rules that can fire together: ``a``, ``b`` and their ``relation``.
@@ -282,11 +324,10 @@ class RuleBase:
         total = area.sum(axis=-1)
         number = np.full(total.shape, np.nan)
         np.divide(area @ np.arange(1, len(self.rules) + 1), total, out=number, where=total > 0)
-        place = np.where(total > 0, np.ceil(np.nan_to_num(number, nan=1.0) - 0.5), 0).astype(int)
-        silent = np.atleast_1d(firing.missing.all(axis=-1))
-        nearest = np.array([NORMAL, *self.codes], dtype=object)[place]
+        place = np.ceil(np.nan_to_num(number, nan=1.0) - 0.5).astype(int) - 1
+        nearest = np.array(self.codes, dtype=object)[place]
         decided = firing.decide().table()[["active", "top"]]
-        return decided.assign(centroid=number, nearest=np.where(silent, UNKNOWN, nearest))
+        return decided.assign(centroid=number, nearest=np.where(total > 0, nearest, decided["top"]))
 
     def to_skfuzzy(self) -> Any:
         """Return the rules as a `skfuzzy.control.ControlSystem`, for comparison.
@@ -303,7 +344,8 @@ class Firing:
     """The firing strength of each rule for each sample, as returned by `RuleBase.fire`.
 
     A strength is the lowest membership among the rule's terms. With the method ``fuzzy``, each
-    membership equals the result of `skfuzzy.trapmf` to the last bit.
+    membership equals the result of `skfuzzy.trapmf` to the last bit. The membership of a missing
+    value is between 0 and 1, so the true strength is between `strength` and `possible`.
 
     Parameters
     ----------
@@ -313,18 +355,24 @@ class Firing:
         The values of each variable, all of the same shape; NaN where a value is missing.
     strength : ndarray of float, shape (..., n_rules)
         0..1; the last axis is in the order of `base.codes`, the others are those of the samples.
+    possible : ndarray of float, shape (..., n_rules)
+        The strengths if all missing values had a membership of 1.
+    applies : dict of str to ndarray of bool
+        Where the variables apply; those not listed apply everywhere.
 
     Examples
     --------
     >>> from shipnet import ballast
     >>> firing = ballast.rule_base().fire({"FP": [90, 120, 124], "OP": 2.83})
-    >>> firing["V1"].round(2).tolist(), firing.normal.round(2).tolist()
-    ([0.0, 0.5, 0.83], [1.0, 0.5, 0.17])
+    >>> firing["V1"].round(2).tolist(), firing.possible[:, 0].round(2).tolist()
+    ([0.0, 0.5, 0.83], [0.0, 0.5, 0.9])
     """
 
     base: RuleBase
     values: Mapping[str, Floats]
     strength: Floats
+    possible: Floats
+    applies: Mapping[str, Bools] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         n = self.strength[..., 0].size
@@ -332,21 +380,24 @@ class Firing:
 
     @cached_property
     def missing(self) -> Bools:
-        """Mask of the sensors without a value, shape (..., n_variables)."""
-        return np.stack([np.isnan(x) for x in self.values.values()], axis=-1)
+        """Mask of the sensors that apply but have no value, shape (..., n_variables)."""
+        return np.stack(
+            [np.isnan(x) & self.applies.get(name, True) for name, x in self.values.items()], axis=-1
+        )
 
     @cached_property
-    def clipped(self) -> Bools:
-        """Mask of the values outside their universe, shape (..., n_variables)."""
-        ends = [(variable.low, variable.high) for variable in self.base.variables]
-        values = zip(self.values.values(), ends, strict=True)
-        return np.stack([(x < low) | (x > high) for x, (low, high) in values], axis=-1)
+    def out_of_range(self) -> Bools:
+        """Mask of the values that no sensor reports, which count as missing; same shape."""
+        flags = []
+        for variable in self.base.variables:
+            x, (low, high) = self.values[variable.name], variable.valid
+            flags.append(((x < low) | (x > high)) & self.applies.get(variable.name, True))
+        return np.stack(flags, axis=-1)
 
     @cached_property
     def normal(self) -> Floats:
-        """Strength of "no fault": 1 minus the greatest strength; NaN if no sensor has a value."""
-        rest = np.asarray(1 - self.strength.max(axis=-1))
-        return np.where(self.missing.all(axis=-1), np.nan, rest)
+        """Strength of "no fault", at least: 1 minus the greatest possible strength."""
+        return np.asarray(1 - self.possible.max(axis=-1))
 
     def __getitem__(self, code: str) -> Floats:
         """Return the strength of one rule for each sample."""
@@ -356,16 +407,19 @@ class Firing:
         """Return the decision: the rules that fired in `k` or more of the last `n` samples.
 
         A rule fires if its strength is at least `threshold`, which is above 0 and at most 1. With
-        `n` above 1, time runs along the first axis; the `n` samples include the current one.
+        `n` above 1, time runs along the first axis; the `n` samples include the current one. A rule
+        is open if it could have fired often enough with other values for its missing readings.
         """
         if not isinstance(threshold, (int, float, np.floating)) or not 0 < threshold <= 1:
             raise ArgumentError(
                 f"threshold is {threshold!r}; it must be a number above 0 and at most 1"
             )
         fires = self.strength >= threshold
+        could = fires if self.possible is self.strength else self.possible >= threshold
         if n != 1 and fires.ndim < 2:
             raise ArgumentError(f"n is {n}; it must be 1 for samples without a time axis")
-        return Decision(self, float(threshold), persistent(fires, k, n))
+        active = persistent(fires, k, n)
+        return Decision(self, float(threshold), active, undecided(fires, could, k, n))
 
     def plot(self, labels: Sequence[object] | None = None, ax: Axes | None = None) -> Axes:
         """Draw the strengths as a matrix with one row per rule and one column per sample."""
@@ -400,23 +454,37 @@ class Decision:
         Lowest strength at which a rule fires.
     active : ndarray of bool, shape (..., n_rules)
         True for each reported rule, in the order of ``firing.base.codes``.
+    open : ndarray of bool, shape (..., n_rules)
+        True for each rule that is not active but cannot be excluded, because readings are missing.
+
+    Notes
+    -----
+    A rule with a known term below the threshold is excluded, even if other readings are missing. If
+    no rule is active, the decision is ``normal`` if all are excluded, otherwise ``undetermined``.
 
     Examples
     --------
-    The motor current drops out for one sample, then permanently:
+    The motor current drops to 0 for one sample, then permanently:
 
     >>> from shipnet import ballast
     >>> base = ballast.rule_base()
-    >>> samples = {"FP": 124, "MC": [1, 0, 1, 0, 0, 0, 0], "OP": 1, "DVPos": 9}
+    >>> samples = {"FP": 124, "OP": 1, "OT": 50, "VPos": 50, "DVPos": 9}
+    >>> samples["MC"] = [1, 0, 1, 0, 0, 0, 0]
     >>> print(*base.decide(samples).top)
     normal G1 normal G1 G1 G1 G1
     >>> print(*base.decide(samples, k=3, n=5).top)
     normal normal normal normal G1 G1 G1
+
+    Without a reading of the current, the gauge fault G1 cannot be excluded:
+
+    >>> base.decide({**samples, "MC": float("nan")})
+    Decision(undetermined: cannot exclude G1 P1; missing MC)
     """
 
     firing: Firing
     threshold: float
     active: Bools
+    open: Bools
 
     def __repr__(self) -> str:
         shape = self.active.shape[:-1]
@@ -428,26 +496,28 @@ class Decision:
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
-        """Top-priority active code; else ``normal``, or ``unknown`` if no sensor has a value."""
-        return self.firing.base.top_codes(self.active, self.firing.missing.all(axis=-1))
+        """Top-priority active code; else ``undetermined`` if a rule is open, or ``normal``."""
+        return self.firing.base.top_codes(self.active, self.open.any(axis=-1))
 
     def codes(self, *index: int) -> tuple[str, ...]:
         """Return all active codes of the sample at this index, the highest priority first."""
-        active = self.active[self._place(index)]
-        return tuple(self.firing.base.active_codes(active[np.newaxis])[0].split())
+        return self._codes(self.active[self._place(index)])
 
     def table(self) -> pd.DataFrame:
         """Return one row per sample: the ``top`` code, its ``strength`` and all ``active`` codes.
 
-        ``missing`` names the sensors without a value, ``clipped`` those with values outside their
-        universe.
+        The ``strength`` is NaN if the decision is undetermined. ``open`` lists the rules that
+        cannot be excluded, ``missing`` the sensors without a value, and ``out_of_range`` those with
+        values that no sensor reports.
         """
         if self.active.ndim > 2:
             raise ArgumentError(f"active has {self.active.ndim} axes; at most two fit in a table")
         firing, top = self.firing, np.atleast_1d(self.top)
         rows = zip(top, np.atleast_2d(firing.strength), np.atleast_1d(firing.normal), strict=True)
         strength = [
-            normal if code in (NORMAL, UNKNOWN) else row[firing.base.codes.index(code)]
+            {NORMAL: normal, UNDETERMINED: nan, **dict(zip(firing.base.codes, row, strict=True))}[
+                code
+            ]
             for code, row, normal in rows
         ]
         return pd.DataFrame(
@@ -455,19 +525,23 @@ class Decision:
                 "top": top,
                 "strength": np.array(strength, dtype=float),
                 "active": firing.base.active_codes(np.atleast_2d(self.active)),
+                "open": firing.base.active_codes(np.atleast_2d(self.open)),
                 "missing": [self._sensors(row) for row in np.atleast_2d(firing.missing)],
-                "clipped": [self._sensors(row) for row in np.atleast_2d(firing.clipped)],
+                "out_of_range": [self._sensors(row) for row in np.atleast_2d(firing.out_of_range)],
             }
         )
 
     def explain(self, *index: int) -> str:
         """Return one line of text that explains the decision for the sample at this index.
 
-        It names the top code with its strength and terms, the other active codes, and the sensors
-        that are missing or out of range; for ``normal``, also the closest rule, if there is one.
+        It names the top code with its strength and terms, the other active codes, the open rules of
+        higher priority, and the sensors that are missing or out of range. If no rule is active, it
+        also names the closest rule, if there is one; if the decision is undetermined, it names only
+        the sensors that would decide it.
         """
         place, firing = self._place(index), self.firing
         base, top = firing.base, self.top[place]
+        opened = self._codes(self.open[place])
         parts = []
         if top in base.codes:
             parts.append(self._reason(base.rule(top), place))
@@ -475,15 +549,28 @@ class Decision:
             if others:
                 said = (f"{code} {firing[code][place]:.2f}" for code in others)
                 parts.append(f"also {', '.join(said)}")
+            higher = [code for code in opened if base.ranking.index(code) < base.ranking.index(top)]
+            if higher:
+                parts.append(f"cannot exclude {' '.join(higher)}")
         else:
-            normal = float(firing.normal[place])
-            parts.append(top if isnan(normal) else f"{top} {normal:.2f}")
+            normal = f"{NORMAL} {firing.normal[place]:.2f}"
+            parts.append(f"{top}: cannot exclude {' '.join(opened)}" if opened else normal)
             closest = base.rules[int(firing.strength[place].argmax())]
             if firing[closest.code][place] > 0:
                 parts.append(f"closest {self._reason(closest, place)}")
-        for word, flags in (("missing", firing.missing), ("out of range", firing.clipped)):
-            if flags[place].any():
-                parts.append(f"{word} {self._sensors(flags[place])}")
+        missing, outside = firing.missing[place], firing.out_of_range[place]
+        if top == UNDETERMINED:
+            decides = base.users[:, self.open[place]].any(axis=1)
+            missing, outside = missing & decides, outside & decides
+            if not (missing | outside).any():
+                parts.append("missing earlier readings")
+        if missing.any():
+            parts.append(f"missing {self._sensors(missing)}")
+        if outside.any():
+            said = (
+                self._reading(variable, place) for variable in compress(base.variables, outside)
+            )
+            parts.append(f"out of range {', '.join(said)}")
         return "; ".join(parts)
 
     def _reason(self, rule: Rule, place: tuple[int, ...]) -> str:
@@ -492,8 +579,14 @@ class Decision:
             x = self.firing.values[variable.name][place]
             degree = Ramps([variable], [[(variable.name, term.name)]]).strengths(np.full((1, 1), x))
             label = term.english or term.name
-            said.append(f"{variable.name} {x:.4g} {variable.unit} {label} {degree[0, 0]:.2f}")
+            said.append(f"{self._reading(variable, place)} {label} {degree[0, 0]:.2f}")
         return f"{rule.code} {self.firing[rule.code][place]:.2f}: {', '.join(said)}"
+
+    def _reading(self, variable: Variable, place: tuple[int, ...]) -> str:
+        return f"{variable.name} {self.firing.values[variable.name][place]:.4g} {variable.unit}"
+
+    def _codes(self, flags: Bools) -> tuple[str, ...]:
+        return tuple(self.firing.base.active_codes(flags[np.newaxis])[0].split())
 
     def _sensors(self, flags: Bools) -> str:
         return " ".join(np.array(self.firing.base.names)[flags])

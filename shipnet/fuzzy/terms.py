@@ -18,8 +18,12 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import part, record, text, whole
 from shipnet.lazy import Axes
 
-#: Decisions when no rule fires, and when no sensor reports anything.
-NORMAL, UNKNOWN = "normal", "unknown"
+#: Decisions when no rule fires: with its missing readings, no rule could fire, or some could.
+NORMAL, UNDETERMINED = "normal", "undetermined"
+
+#: Parts of the universe by which a reading may lie below or above it. They are the failure limits
+#: of NAMUR NE 43 for sensors with 4 to 20 mA: 3.6 mA and 21 mA.
+_BELOW, _ABOVE = 0.4 / 16, 1 / 16
 
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?"
 _COMPARISON = re.compile(
@@ -192,7 +196,10 @@ class Variable:
     unit : str
         Unit of its values, of the universe and of the corners of the terms.
     low, high : float
-        Ends of the universe, which is the range of values that a sensor can report.
+        Ends of the universe, which is the range that the sensor measures. A value below it by more
+        than 2.5 % of its width, or above it by more than 6.25 %, counts as missing: a sensor with
+        4 to 20 mA signals a failure with less than 3.6 mA or more than 21 mA (NAMUR NE 43). Values
+        just outside the universe count as its ends, except in comparisons as written.
     terms : tuple of Term
         One or more terms with different names. The range between a term's shoulders, and that of
         its comparison, must reach into the universe.
@@ -244,6 +251,12 @@ class Variable:
         names = ", ".join(term.name for term in self.terms)
         raise ArgumentError(f"term is {name!r}; the terms of {self.name} are {names}")
 
+    @property
+    def valid(self) -> tuple[float, float]:
+        """Lowest and highest values that count as readings."""
+        width = self.high - self.low
+        return self.low - _BELOW * width, self.high + _ABOVE * width
+
     def cells(self, method: str) -> list[float]:
         """Return one value for each combination of terms that can hold at once."""
         intervals = [term.midpoint if method == "midpoint" else term.crisp for term in self.terms]
@@ -294,7 +307,7 @@ class Rule:
     Parameters
     ----------
     code : str
-        Name of the fault, such as ``V1``; not ``normal`` or ``unknown``.
+        Name of the fault, such as ``V1``; not ``normal`` or ``undetermined``.
     antecedent : str or tuple of (str, str)
         Terms such as ``FP.high & OP.high``, or (variable, term) pairs; each variable only once.
     priority : int
@@ -329,7 +342,7 @@ class Rule:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        if check_word("code", self.code) in (NORMAL, UNKNOWN):
+        if check_word("code", self.code) in (NORMAL, UNDETERMINED):
             raise ArgumentError(f"code is {self.code!r}, which is reserved for when no rule fires")
         given: Any = self.antecedent
         parts = (

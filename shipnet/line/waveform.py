@@ -22,6 +22,7 @@ from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes
+from shipnet.tables import csv_text
 
 #: Highest relevant frequency of a current step that lasts 3 us [Hz].
 F_MAX = 12e6
@@ -115,9 +116,11 @@ class Waveform:
         if Path(path).suffix == ".npz":
             np.savez(path, u=rows.T, dt=self.dt, probes=np.array(names))
             return
-        titles = ",".join(["time (s)", *(f"{name} (V)" for name in names)])
+        titles = csv_text([["time (s)", *(f"{name} (V)" for name in names)]]).rstrip("\n")
         columns = np.column_stack([self.t, *rows])
-        np.savetxt(path, columns, delimiter=",", header=titles, comments="", fmt="%.9g")
+        np.savetxt(
+            path, columns, delimiter=",", header=titles, comments="", fmt="%.9g", encoding="utf-8"
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw all voltages over time, with a legend if there is more than one."""

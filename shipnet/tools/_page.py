@@ -9,13 +9,12 @@ from html import escape
 from importlib.resources import files
 from math import ceil, log10
 from tomllib import loads
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import ipywidgets as widgets
 from matplotlib.axes import Axes
 
 from shipnet.arguments import checked
-from shipnet.errors import ArgumentError, InputError
+from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.fields import (
     Choice,
     Kind,
@@ -39,6 +38,11 @@ from shipnet.tools._view import (
     write_link,
     write_state,
 )
+
+if TYPE_CHECKING:
+    import ipywidgets as widgets
+else:
+    widgets = load_extra("ipywidgets", "ipywidgets")
 
 #: Maximum number of faults listed per file.
 _FAULTS = 50

@@ -7,19 +7,25 @@ or to another server.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 from weakref import finalize
 
-import ipywidgets as widgets
 import numpy as np
 from matplotlib.axes import Axes
 
 from shipnet.arguments import checked
 from shipnet.ballast.live import Client, Link, ModelValves, Readout, said, serve
+from shipnet.errors import load_extra
 from shipnet.fields import record, text, whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.tools._page import Page
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, View
+
+if TYPE_CHECKING:
+    import ipywidgets as widgets
+else:
+    widgets = load_extra("ipywidgets", "ipywidgets")
 
 #: Number of valves on the server that the explorer starts.
 _OWN = 16

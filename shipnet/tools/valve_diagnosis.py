@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import nan
 from typing import Any, ClassVar
 
 from matplotlib.axes import Axes
@@ -79,14 +78,18 @@ class ValveDiagnosis(Tool):
 
     @property
     def readings(self) -> dict[str, list[float]]:
-        """The readings for the rules; the speed is NaN unless a command is active."""
-        readings = {name: [getattr(self, name)] for name in _BASE.names}
-        return readings if self.commanded else readings | {"DVPos": [nan]}
+        """The readings for the rules."""
+        return {name: [getattr(self, name)] for name in _BASE.names}
+
+    @property
+    def applies(self) -> dict[str, bool]:
+        """Whether the speed applies: only while a command is active."""
+        return {"DVPos": self.commanded}
 
     @cached_property
     def result(self) -> Decision:
         """The decision of the rules."""
-        return _BASE.decide(self.readings, threshold=self.threshold)
+        return _BASE.decide(self.readings, threshold=self.threshold, applies=self.applies)
 
     @property
     def strength(self) -> dict[str, float]:
@@ -97,7 +100,7 @@ class ValveDiagnosis(Tool):
     @cached_property
     def printed(self) -> tuple[str, ...]:
         """Codes that fire at the limits printed in the paper, without ramps."""
-        return _BASE.decide(self.readings, "crisp").codes(0)
+        return _BASE.decide(self.readings, "crisp", applies=self.applies).codes(0)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the firing strength of every rule as a bar."""

@@ -193,6 +193,76 @@ def test_the_light_of_repetitions(cycles, light):
     assert counters.loc["missing slave frames", "value"] == 1
 
 
+def asked(requests, answered=(), gap=26):
+    """Return the capture of a list of requests; those with an index in `answered` are answered."""
+    telegrams = []
+    for k, request in enumerate(requests):
+        start = 20e-6 + k * gap * BIT
+        telegrams.append((start, request.bits, 60e-3))
+        if k in answered:
+            telegrams.append((start + 17 * BIT, request.answer(6).bits, 60e-3))
+    return decode(line(telegrams, len(requests) * gap * BIT + 200e-6, 5e6), 2e-7)
+
+
+def silence(capture):
+    found = capture.check().table().set_index("rule")
+    return found.loc[found.index == "missing responses in a row", ["verdict", "value"]]
+
+
+@pytest.mark.parametrize(
+    "call",
+    [Call.READ_STATUS, Call.READ_IO_CONFIGURATION, Call.READ_ID, Call.READ_ID1, Call.READ_ID2],
+)
+def test_a_vacant_address_may_be_searched_with_any_call(call):
+    # One request per cycle, to the same address.
+    requests = [REQUESTS[1], Request(call, 9)] * 8
+    capture = asked(requests, range(0, 16, 2))
+    assert capture.check().ok
+    assert capture.summary().missing == []
+    assert capture.summary().vacant == ["9"]
+    assert capture.counters().loc["missing slave frames", "value"] == 0
+    assert silence(capture)["value"].tolist() == [0.0]
+    assert capture.causes().empty
+
+
+def test_one_unanswered_data_exchange_is_not_evidence_of_anything():
+    capture = asked([REQUESTS[1]])
+    assert silence(capture)["verdict"].tolist() == ["not verified"]
+    assert capture.check().ok is None
+    assert capture.causes().empty
+    assert "not verified at slave 1, one data exchange without a response" in str(capture.check())
+
+
+@pytest.mark.parametrize(
+    ("answered", "verdict", "value"),
+    [((), "violated", 4), ((0,), "violated", 3), ((0, 3), "violated", 2), ((0, 2), "met", 1),
+     ((3,), "violated", 3), ((0, 1, 2, 3), "met", 0)],
+)  # fmt: skip
+def test_a_repetition_needs_a_response(answered, verdict, value):
+    capture = asked([REQUESTS[1]] * 4, answered)
+    assert silence(capture).iloc[0].tolist() == [verdict, value]
+
+
+def test_only_data_exchanges_count_as_missing_responses():
+    requests = [REQUESTS[1], Request(Call.WRITE_PARAMETER, 1, 15), Request(Call.READ_STATUS, 1)] * 3
+    capture = asked(requests, (0, 3, 6))
+    assert silence(capture)["value"].tolist() == [0.0]
+
+
+def test_a_dead_half_of_an_address():
+    requests = [Request.data_exchange(3, 5, half) for half in "ABB" * 3]
+    telegrams, start = [], 20e-6
+    for k, request in enumerate(requests):
+        telegrams.append((start, request.bits, 60e-3))
+        if k % 3 == 0:
+            telegrams.append((start + 17 * BIT, request.answer(6).bits, 60e-3))
+        start += 26 * BIT
+    u = line(telegrams, start + 200e-6, 5e6)
+    for extended, object_ in (([3], "slave 3B"), ([], "slave 3")):
+        broken = decode(u, 2e-7, extended=extended).check().violated()
+        assert broken["object"].tolist() == [object_]
+
+
 def test_a_lost_pulse_corrupts_only_one_telegram():
     telegrams, end = cycle((1, 2, 3))
     u = line(telegrams, end + 20e-6, 10e6)
@@ -442,13 +512,14 @@ def test_command_decodes_a_scope_file(tmp_path, capsys):
     head = "Time,Channel A\n(us),(V)\n\n"
     file.write_text(head + "".join(f"{k / 5:.2f},{v:.3f}\n" for k, v in enumerate(u)))
     table, picture = tmp_path / "out.csv", tmp_path / "out.png"
-    assert main(["decode", str(file), "-o", str(table), "-o", str(picture)]) == 0
+    assert main(["decode", str(file), "-o", str(table), "-o", str(picture)]) == 1
     out = capsys.readouterr().out
     assert out.startswith(f"scope.csv: channel Channel A; {len(u)} samples at 5 MS/s")
     assert "... and 22 more\n" in out
     assert "data exchange with slave 5: outputs 0101 (5); no answer" in out
     assert "cycle time     4.824 ms" in out
     assert "never answered 5\n" in out
+    assert "missing responses in a row: 2 at slave 5, at most 1 (1 violated)\n" in out
     assert len(table.read_text().splitlines()) == 63
     assert f"written: {table}\nwritten: {picture}\n" in out
     assert picture.read_bytes().startswith(b"\x89PNG")

@@ -8,15 +8,16 @@ import pandas as pd
 import pytest
 
 from shipnet import asi
+from shipnet.__main__ import main
 from shipnet.asi import CableRun, Master, Plan, Request, Slave, Supply, decode, emc
 from shipnet.asi.causes import measured
 from shipnet.errors import ArgumentError
 from shipnet.line import Load
 from tests.support import several
 
-CABLE, SECOND, INDUCTANCE, INTERFERENCE, DUPLICATE, WEAK, REVERSED = CAUSES = (
+CABLE, SECOND, INDUCTANCE, INTERFERENCE, DUPLICATE, WEAK, SILENT, REVERSED = CAUSES = (
     "cable too long or a stub", "second supply", "supply inductance missing or wrong",
-    "interference", "duplicate address", "weak slave", "reversed probe",
+    "interference", "duplicate address", "weak slave", "silent slave", "reversed probe",
 )  # fmt: skip
 NONE = "none"
 
@@ -100,6 +101,8 @@ def faulty(cause, seed, **options):
         options["weak"] = {
             plan.slaves[rng.integers(len(plan.slaves))].label: rng.uniform(0.2, 0.45)
         }
+    if cause == SILENT:
+        options["weak"] = {plan.slaves[rng.integers(len(plan.slaves))].label: 0.0}
     if cause == INTERFERENCE:
         options["disturbance"], options["amplitude"] = interference(rng)
     wave = plan.record(rng=rng, **options)
@@ -211,6 +214,107 @@ def test_a_slave_that_hears_no_request_is_dropped():
     # No answer is required where the master looks for new slaves; two tries read its status.
     assert counters["missing slave frames"] == len(data) + 2
     assert capture.counters().loc["repetitions", "light"] == "red"
+
+
+# Slaves that do not respond ---------------------------------------------------------------------
+
+RULE = "missing responses in a row"
+FIVE = asi.line(60, slaves=5)
+
+
+def dead(*labels, duration=10e-3):
+    return FIVE.record(duration, weak=dict.fromkeys(labels, 0.0), rng=1)
+
+
+def joined(*waves):
+    return replace(waves[0], u=np.concatenate([wave.u for wave in waves]))
+
+
+def silences(capture):
+    """Return the verdict and the value of each slave's missing responses in a row."""
+    found = capture.check().table().query("rule == @RULE").set_index("object")
+    return {label: (row["verdict"], row["value"]) for label, row in found.iterrows()}
+
+
+def test_a_dead_slave_violates_a_rule_and_is_named():
+    capture = decode(dead("3"))
+    fine = {f"slave {k}": ("met", 0.0) for k in (1, 2, 4, 5)}
+    assert silences(capture) == {**fine, "slave 3": ("violated", 6.0)}
+    assert capture.check().broken == [f"{RULE}: 6 at slave 3, at most 1 (1 violated)"]
+    causes = capture.causes()
+    assert causes["slave"].to_dict() == {SILENT: "3"}
+    assert causes["share"].tolist() == [1.0]
+    assert causes["evidence"].iloc[0].startswith("none of its 6 data exchanges has a response")
+
+
+def test_decode_of_a_dead_slave_ends_with_exit_code_1(tmp_path, capsys):
+    path = tmp_path / "dead.csv"
+    dead("3", duration=5e-3).save(path)
+    assert main(["decode", str(path)]) == 1
+    said = capsys.readouterr().out
+    assert "probable cause 1: silent slave 3; none of its" in said
+    assert f"{RULE}: 6 at slave 3" in said
+
+
+def test_all_slaves_dead():
+    capture = decode(dead(*"12345"))
+    assert set(silences(capture).values()) == {("violated", 6.0)}
+    assert capture.causes().index.unique().tolist() == [SILENT]
+    assert capture.causes()["slave"].tolist() == list("12345")
+
+
+def test_a_slave_that_stops_responding():
+    capture = decode(joined(dead(), dead("3")))
+    assert silences(capture)["slave 3"] == ("violated", 6.0)
+    assert capture.summary().missing == []
+    (evidence,) = capture.causes().query("cause == @SILENT")["evidence"]
+    assert "responds to 9 data exchanges, but not to the last 6" in evidence
+
+
+def test_a_slave_that_stops_responding_just_before_the_record_ends():
+    # Each cycle takes about 1.1 ms; the second record ends after two of them.
+    capture = decode(joined(dead(), dead("3", duration=2.5e-3)))
+    assert silences(capture)["slave 3"] == ("violated", 4.0)
+    assert capture.causes()["slave"].to_dict() == {SILENT: "3"}
+
+
+def test_a_slave_that_responds_again():
+    capture = decode(joined(dead("3", duration=1.8e-3), dead()))
+    assert silences(capture)["slave 3"] == ("violated", 2.0)
+    assert capture.causes()["slave"].to_dict() == {SILENT: "3"}
+    assert "2 data exchanges in a row" in capture.causes()["evidence"].iloc[0]
+
+
+def test_a_dead_slave_beside_a_few_disturbances_is_not_weak():
+    wave = dead("3")
+    u = wave.u.copy()
+    u[10_000:10_012] += 3
+    capture = decode(replace(wave, u=u))
+    assert 0 < capture.disturbances < 3
+    assert capture.causes().index.tolist() == [SILENT, INTERFERENCE]
+
+
+def test_a_dead_slave_beside_a_weak_one():
+    causes = decode(FIVE.record(10e-3, weak={"2": 0.4, "3": 0.0}, rng=1)).causes()
+    assert causes["slave"].to_dict() == {WEAK: "2", SILENT: "3"}
+
+
+def test_no_slave_is_expected_where_the_master_only_searches():
+    # The dead slave was dropped before this part of the record: the master only searches for it.
+    wave = dead("3", duration=20e-3)
+    late = decode(replace(wave, u=wave.u[round(8e-3 / wave.dt) :]))
+    assert "slave 3" not in silences(late)
+    assert late.check().ok
+    assert late.causes().empty
+    assert not late.check(FIVE).ok
+
+
+@pytest.mark.parametrize("length", [0.0, 60e-6, 300e-6, 1e-3])
+def test_a_record_that_ends_early_has_no_silent_slave(length):
+    wave = dead()
+    capture = decode(replace(wave, u=wave.u[: 1 + round(length / wave.dt)]))
+    assert {verdict for verdict, _ in silences(capture).values()} <= {"met"}
+    assert capture.causes().empty
 
 
 @pytest.mark.parametrize(

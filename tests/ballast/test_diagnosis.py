@@ -2,11 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from shipnet.ballast.diagnosis import diagnose_run
 from shipnet.ballast.plant import FAULTS, Command, Fault
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.scan import System
+from shipnet.ballast.sensors import CHANNELS, position_speed
 from shipnet.ballast.simulation import blocks, simulate
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy import Rule, RuleBase
@@ -187,6 +189,76 @@ def test_a_run_without_instants_has_no_alarms():
     diagnosis = diagnose_run(run)
     assert diagnosis.top.tolist() == [["normal"]]
     assert len(diagnosis.alarms()) == len(diagnosis.commands()) == len(run.strokes()) == 0
+
+
+def without(run, name, start, stop, value=np.nan):
+    """Return a run in which a sensor of the first valve is dead for a time."""
+    gone = (run.time >= start) & (run.time < stop)
+    place = [channel.name for channel in CHANNELS].index(name)
+    readings = run.readings.copy()
+    readings[gone, place, 0] = value
+    return replace(run, readings=readings, speed=position_speed(run.time, readings[:, 4]))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_healthy_valve_is_never_undetermined_although_no_speed_applies_at_rest(method):
+    run = simulate(2, [Command("open", 3.0)], until=25)
+    diagnosis = diagnose_run(run, rule_base(slow_stroke=10), method=method)
+    assert not diagnosis.open.any() and "undetermined" not in diagnosis.top
+    assert "missing" not in diagnosis.explain(1, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "codes", "missing"),
+    [("VPos", "V2 Pos3 Pos4", "VPos DVPos"), ("FP", "P2", "FP"), ("OT", "O1", "OT")],
+)
+def test_a_dead_sensor_makes_a_healthy_stroke_undetermined(name, codes, missing):
+    run = without(simulate(2, [Command("open", 3.0)], until=25, rng=1), name, 5.0, 8.0)
+    diagnosis = diagnose_run(run)
+    dead = (run.time >= 5.5) & (run.time < 7.9)
+    assert set(diagnosis.top[dead, 0]) == {"undetermined"} and not diagnosis.active.any()
+    assert set(diagnosis.top[:, 1]) == {"normal"} == set(diagnosis.top[run.time > 10, 0])
+    assert diagnosis.explain(1, 7.0) == f"undetermined: cannot exclude {codes}; missing {missing}"
+    assert diagnosis.commands()["top_fault"].tolist() == ["undetermined", "normal"]
+    assert repr(diagnosis) == "Diagnosis(2 valves, valve 1: undetermined)"
+    title = diagnosis.plot(1, ax=Figure().subplots()).get_title(loc="left")
+    assert title == "diagnosis: undetermined"
+
+
+def test_a_single_lost_reading_cannot_hide_a_persistent_fault():
+    run = simulate(1, [Command("open", 3.0)], until=25, rng=1)
+    assert set(diagnose_run(without(run, "OT", 5.0, 5.1)).top[:, 0]) == {"normal"}
+    assert "undetermined" in diagnose_run(without(run, "OT", 5.0, 5.1), k=1, n=1).top
+
+
+def test_a_broken_wire_is_out_of_range_and_not_a_leaking_pump():
+    run = without(simulate(1, [Command("open", 3.0)], until=25, rng=1), "FP", 5.0, 8.0, -40.0)
+    diagnosis = diagnose_run(run)
+    assert not diagnosis.active.any()
+    assert diagnosis.explain(1, 7.0).endswith("out of range FP -40 bar")
+
+
+def test_without_the_current_it_is_unknown_whether_the_speed_applies():
+    run = without(simulate(1, until=5), "MC", 2.0, 4.0)
+    run = replace(run, readings=run.readings + np.array([0, 2.0, 0, 0, 0])[:, np.newaxis])
+    diagnosis = diagnose_run(run)
+    assert diagnosis.open[30, 0, BASE.codes.index("V2")] and not diagnosis.open[15].any()
+
+
+@pytest.mark.parametrize("size", [2, 11, 97])
+def test_an_outage_is_diagnosed_in_blocks_as_in_the_whole_run(size):
+    whole = simulate(5, ORDERS, faults=FAULTY, until=45, idle_step=0.5, rng=7)
+    whole.readings[40:90, 0] = np.nan
+    whole.readings[::3, 3] = np.nan
+    expected, tail, start = diagnose_run(whole), None, 0
+    for piece in pieces(size):
+        rows = slice(start, start + piece.time.size)
+        piece.readings[:] = whole.readings[rows]
+        found = diagnose_run(piece, earlier=tail)
+        np.testing.assert_array_equal(found.open, expected.open[rows])
+        np.testing.assert_array_equal(found.top, expected.top[rows])
+        tail, start = found.tail, rows.stop
+    assert expected.open.any() and start == whole.time.size
 
 
 @pytest.mark.parametrize(

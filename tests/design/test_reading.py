@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from shipnet.__main__ import main
 from shipnet.design import IoList, Settings, read_iolist
+from shipnet.design.costs import bill_table
 from shipnet.design.layout import site_of
 from shipnet.design.words import UNITS, decimal_mark, read_number
 from shipnet.errors import InputError
@@ -393,3 +394,154 @@ def test_a_list_with_unknown_titles_points_to_the_settings():
         InputError, match=r"unknown titles: wkz; \[columns\] in the settings may define"
     ):
         IoList.parse("tag,system,wkz,x,y,z\nA,b,contact,1,2,3")
+
+
+# Intrinsic safety -----------------------------------------------------------------------------
+
+SAFE = """yes|Yes|YES|y|Y|x|X|1|true|TRUE|ja|Ja|J|예|네|✓|✔|○|IS|I.S.|i/s|is|intrinsically safe
+Intrinsically Safe|intrinsic safety|intrinsically safe, barrier KFD2|eigensicher|egensikker
+본질안전|본질 안전|i|ia|ib|ic|Ex i|Ex-i|Exi|Ex ia|EX IA|Exia|Ex(ia)|Ex "ia"|Ex ib|Ex ic
+EEx i|EEx ia IIC T4|EExia IIC T4|AEx ia|II 1G Ex ia IIC T6|Ex II 1 G Ex ia IIC T6 Ga|Ex II 1G ia
+Ex ia IIIC T135 Da|ia IIC T4|II 1G ia IIC|Zone 0, Ex ia|Ex ia op is IIC|Ex ia [ia Ga] IIC|IS Ex ia
+\uff29\uff33|\uff25\uff58 \uff49\uff41|\uff39\uff25\uff33"""
+PLAIN = """no|No|NO|n|N|0|false|FALSE|nein|Nein|nei|-|--|\u2013|\u2014|n/a|N/A|n.a.|none|None|nil
+/|아니오|없음|해당 없음|비방폭|not Ex|Non-Ex|non-IS|not intrinsically safe|nicht eigensicher
+ikke egensikker|non-hazardous|not applicable|Ex d|EX D|Exd|EExd IIB T4|Ex db|Ex e|Ex eb|Ex de
+Ex d e|Ex d/e|Ex db eb IIC T4 Gb|Ex n|Ex nA|Ex nR IIC|Ex nAc|Ex p|Ex pxb|Ex m|Ex mb|Ex dem|Ex t
+Ex tb IIIC T80 Db|Ex o|Ex q|Ex s|d|de|db|II 2G Ex d IIC T6 Gb|Ex d [ia]|Ex d [ia Ga] IIC T4
+Ex db [Ex ia] IIC|Ex e [ib]|flameproof|내압방폭|안전증|\uff2e\uff2f|\uff0d|\uff25\uff58 \uff44"""
+#: Cells that do not say it clearly, and how they are read.
+UNCLEAR = {
+    "Zone 1": False, "zone 1": False, "Ex": False, "Ex-proof": False, "II 2G": False, "T4": False,
+    "?": False, "TBA": False, "safe area": False, "yes/no": False, "2": False, "o": False,
+    "[Ex ia]": False, "[Ex ia Ga] IIC": False, "Ex [ia]": False, "Ex op is": False, "idea": False,
+    "Exit": False, "no barrier for Ex d": False, "Ex i to be confirmed, not sure": True,
+    "Ex ia/d": True, "Ex d ia": True, "Ex d / Ex ia": True, "Ex ia or Ex d": True, "Ex de ia": True,
+    "d/ia": True, "IS / Ex d": True, "IS: no": True, "Ex ia: no": True, "zone is unknown": True,
+}  # fmt: skip
+
+
+def marked(*cells, title="IS", **options):
+    """Return a list with one point per cell in the column for explosion protection."""
+    rows = "".join(f'T-{n};Pt100 3-wire;9;2;3;"{cell.replace(chr(34), chr(34) * 2)}"\n'
+                   for n, cell in enumerate(cells))  # fmt: skip
+    return IoList.parse(f"tag;signal;x;y;z;{title}\n{rows}", **options)
+
+
+def every(text):
+    return [cell for line in text.splitlines() for cell in line.split("|")]
+
+
+@pytest.mark.parametrize("cell", every(SAFE))
+def test_a_cell_says_that_a_point_is_intrinsically_safe(cell):
+    iolist = marked(cell, strict=True)
+    assert iolist.points["ex"].item()
+    assert f"IS (F) {cell!r} read as intrinsically safe" in notes(iolist)
+    assert notes(iolist)["intrinsically safe, each with a barrier"] == 1
+
+
+@pytest.mark.parametrize("cell", every(PLAIN))
+def test_a_cell_says_that_a_point_is_not_intrinsically_safe(cell):
+    iolist = marked(cell, strict=True)
+    assert iolist.points["ex"].item() == ""
+    assert f"IS (F) {cell!r} read as not intrinsically safe" in notes(iolist)
+    assert "intrinsically safe, each with a barrier" not in notes(iolist)
+
+
+@pytest.mark.parametrize(("cell", "safe"), UNCLEAR.items())
+def test_a_cell_that_does_not_say_it_clearly_is_a_doubt(cell, safe):
+    iolist = marked(cell)
+    assert bool(iolist.points["ex"].item()) is safe
+    said = (
+        f"IS (F) {cell!r} read as {'' if safe else 'not '}intrinsically safe, but does not say so"
+    )
+    assert any(said in remark for remark in iolist.remarks)
+    with pytest.raises(InputError, match=r"row 2: IS \(F\) "):
+        marked(cell, strict=True)
+
+
+def test_yes_in_a_column_of_hazardous_areas_is_a_doubt():
+    assert marked("yes", title="Ex", strict=True).points["ex"].item() == "IS"
+    for title in ("hazardous area", "explosion protection", "방폭등급"):
+        iolist = marked("yes", "Ex d", "Ex ia", title=title)
+        assert iolist.points["ex"].tolist() == ["IS", "", "Ex ia"]
+        assert iolist.reading().query("doubt")["rows"].tolist() == ["2"]
+
+
+def test_circles_and_crosses_are_korean_for_yes_and_no():
+    iolist = marked("O", "X", "", "o", "\uff38")
+    assert iolist.points["ex"].tolist() == ["IS", "", "", "IS", ""]
+    assert any("because the column has both" in remark for remark in iolist.remarks)
+    assert marked("x", "", "X").points["ex"].tolist() == ["IS", "", "IS"]
+
+
+def test_equal_readings_are_one_remark():
+    iolist = marked("No", "no", "Ex d", *(f"Zone {n}" for n in range(1000)), "")
+    found = notes(iolist)
+    assert found["IS (F) 'No', 'no', 'Ex d' read as not intrinsically safe"] == 3
+    (doubt,) = iolist.reading().query("doubt")["what"]
+    assert len(doubt) < 200
+    assert "'Zone 0', 'Zone 1'" in doubt
+    assert "and 995 more" in doubt
+
+
+@pytest.mark.parametrize("form", ["workbook", "table"])
+def test_truth_values_of_a_workbook_say_whether_a_point_is_intrinsically_safe(form, tmp_path):
+    rows = {"tag": list("ABCDE"), "signal": "contact", "IS": [True, False, 1, 0, None]}
+    table = pd.DataFrame(rows).astype({"IS": object})
+    if form == "workbook":
+        table.to_excel(tmp_path / "list.xlsx", index=False)
+        iolist = read_iolist(tmp_path / "list.xlsx", strict=True)
+    else:
+        iolist = IoList.from_table(table)
+    assert iolist.points["ex"].tolist() == ["IS", "", "IS", "", ""]
+
+
+def test_a_date_does_not_say_whether_a_point_is_intrinsically_safe():
+    table = pd.DataFrame({"tag": ["A"], "signal": "contact", "IS": [pd.Timestamp("2026-01-01")]})
+    with pytest.raises(InputError, match=r"column IS: .*a date or a time"):
+        IoList.from_table(table)
+
+
+def test_a_signal_and_a_column_that_disagree_are_a_doubt():
+    text = "tag,signal,ex\nA,4-20mA Ex ia,No\nB,4-20mA Ex ia,\nC,4-20mA Ex ia,yes\nD,4-20mA,Ex ia\n"
+    iolist = IoList.parse(text)
+    assert iolist.points["ex"].tolist() == ["Ex ia", "Ex ia", "IS", "Ex ia"]
+    said = "intrinsically safe by the signal, but not by column ex (C)"
+    assert notes(iolist)[said] == 1
+    with pytest.raises(InputError, match="row 2: intrinsically safe by the signal"):
+        IoList.parse(text, strict=True)
+
+
+@pytest.mark.parametrize("cell", [*every(SAFE), "Ex d", *UNCLEAR])
+def test_a_saved_list_has_the_same_intrinsically_safe_points(cell, tmp_path):
+    iolist = marked(cell)
+    iolist.save(tmp_path / "list.csv")
+    assert read_iolist(tmp_path / "list.csv").points["ex"].tolist() == iolist.points["ex"].tolist()
+
+
+@given(st.text(max_size=200))
+def test_any_text_in_the_column_is_read(cell):
+    table = pd.DataFrame({"tag": ["A"], "signal": "contact", "IS": [cell]})
+    try:
+        iolist = IoList.from_table(table)
+    except InputError as error:
+        assert "expected a mark such as" in str(error)
+    else:
+        assert len(iolist) == 1
+
+
+@pytest.mark.parametrize("cell", ["n" * 10_000, "Ex " + "pxdia" * 5000, "[" * 10_000, "i.s" * 5000])
+def test_long_text_in_the_column_is_read_at_once(cell):
+    assert len(IoList.from_table(pd.DataFrame({"tag": ["A"], "signal": "contact", "IS": [cell]})))
+
+
+def test_a_point_that_is_not_intrinsically_safe_stays_on_the_bus():
+    text = "tag,signal,x,y,z,IS\nTT-1,Pt100 3-wire,9,2,3,{}\nTT-2,Pt100 3-wire,9,3,3,{}"
+    free, no, yes = (
+        IoList.parse(text.format(mark, "")).plan("CAN", (0, 0, 0)) for mark in ("", "Ex d", "Ex ia")
+    )
+    assert no.points["bus"].tolist() == free.points["bus"].tolist() == ["CAN", "CAN"]
+    assert yes.points["bus"].tolist() == ["hardwired", "CAN"]
+    costs = [bill_table(one)["cost_eur"].sum() for one in (free, no, yes)]
+    assert costs[0] == costs[1] < costs[2]

@@ -97,7 +97,7 @@ def test_tags_agree(source):
     checks = [cell for cell in lesson(source).cells if "check" in editions.tags(cell)]
     assert [editions.keys(cell) for cell in checks] == [[key] for key in found]
     for cell, key in zip(checks, found, strict=True):
-        assert re.fullmatch(rf'check\("{key}", \w+(, me)?\)', cell.source)
+        assert re.fullmatch(rf'check\("{key}", {exercise(key).variable}(, me)?\)', cell.source)
 
 
 @LESSONS

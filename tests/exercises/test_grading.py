@@ -1,12 +1,16 @@
 """Grades of notebooks as students hand them in, the hostile ones too."""
 
+import csv
 import json
+import os
+import subprocess
 from pathlib import Path
 
 import pytest
 
 from shipnet.__main__ import main
 from shipnet.exercises import given, student
+from shipnet.exercises.exercise import exercises
 from shipnet.exercises.grading import grade
 
 ME = "class Me: name = 'Ann'\nme = Me()"
@@ -20,6 +24,11 @@ def write(path, *cells):
     path.write_text(
         json.dumps({"cells": [{"cell_type": "code", "source": cell} for cell in cells]})
     )
+
+
+def checks(lesson):
+    """Return the check cells of a lesson."""
+    return [f'check("{one.key}", {one.variable}, me)' for one in exercises(lesson)]
 
 
 def solution(lesson, name="Kim"):
@@ -61,7 +70,9 @@ HOSTILE = {
     "system exit": ("raise SystemExit(3)", "SystemExit: 3"),
     "input": ("input()", "EOFError"),
     "memory": ("rate_kbit = 'x' * (1 << 34)", "MemoryError"),
-    "large answer": ("rate_kbit = '7' * (1 << 21)", "stopped: the answer is too large"),
+    "large answer": ("rate_kbit = '7' * (1 << 21)", "the answer is longer than 1 MB"),
+    "large code": ("rate_kbit = " + "-" * 20_000 + "1", "Error"),
+    "long sum": ("rate_kbit = " + "1 + " * 1000 + "1", ""),
     "deep answer": ("rate_kbit = []\nfor _ in range(9999): rate_kbit = [rate_kbit]", "a number"),
     "hostile answer": ("class Bad:\n __class__ = 1 / 0\nrate_kbit = Bad()", "ZeroDivisionError"),
     "patched check": (
@@ -74,6 +85,10 @@ HOSTILE = {
     "written to the pipe": (
         "import os\nfor n in range(3, 9):\n try: os.write(n, b'{\"value\": {\"set\": [[]]}}\\n')\n"
         " except OSError: pass\nrate_kbit = 1e9", "",
+    ),
+    "flood of the pipe": (
+        "import os, time\nfor n in range(3, 9):\n try:\n  os.write(n, b'7' * (1 << 21))\n"
+        "  os.close(n)\n except OSError: pass\ntime.sleep(20)", "stopped",
     ),
 }  # fmt: skip
 
@@ -89,23 +104,190 @@ def test_a_hostile_hand_in_gets_a_verdict_and_spoils_no_other_exercise(kind, tmp
     if "rate_kbit" not in cell:
         cell += "\nrate_kbit = 1"
     other = [RIGHT, 'check("ex-04-3", efficiency_of)']
-    write(tmp_path / "hostile.ipynb", ME, cell, 'check("ex-01-4", rate_kbit, me)', *other)
+    write(tmp_path / "hostile.ipynb", ME, cell, *checks(1), *other)
     write(tmp_path / "honest.ipynb", ME.replace("Ann", "Ben"), *other)
     verdicts = of(tmp_path, ["file", "exercise"])
     found = verdicts["hostile.ipynb", "ex-01-4"]
     assert said in found
     assert found not in ("correct", "not solved yet")
-    assert verdicts["hostile.ipynb", "ex-01-2"] == "no check"
+    missing = "NameError: name 'time_us' is not defined"
+    assert (verdicts["hostile.ipynb", "ex-01-2"] == missing) or kind in OWN_LOSS
     assert verdicts["honest.ipynb", "ex-04-3"] == "correct"
     assert (verdicts["hostile.ipynb", "ex-04-3"] == "correct") or kind in OWN_LOSS
+
+
+#: A child that leaves its process group and keeps the pipes open until the test ends.
+CHILD = """
+import os, time
+if os.fork() == 0:
+    os.setsid()
+    for _ in range(1000):
+        if os.path.exists({done!r}):
+            os._exit(0)
+        time.sleep(0.1)
+    open({late!r}, "w")
+    os._exit(0)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs fork")
+@pytest.mark.parametrize("then", ["rate_kbit = 1e9", "os._exit(0); rate_kbit = 1"])
+def test_a_child_that_keeps_the_pipes_open_does_not_stop_the_grading(then, tmp_path, monkeypatch):
+    monkeypatch.setattr("shipnet.exercises.grading.LIMIT", 2.0)
+    done, late = tmp_path / "done", tmp_path / "late"
+    cell = CHILD.format(done=str(done), late=str(late)) + then
+    write(tmp_path / "a.ipynb", ME, cell, *checks(1), RIGHT, *checks(4))
+    try:
+        verdicts = of(tmp_path)
+        assert not late.exists()
+    finally:
+        done.touch()
+    assert ("it took over 2 s" in verdicts["ex-01-4"]) == ("exit" in then)
+    assert verdicts["ex-04-3"] == "correct"
+
+
+#: A cell that sends a signal to the process that started its own.
+SIGNAL = "import os, signal, time\nos.kill(os.getppid(), signal.{})\ntime.sleep(5)"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs signals")
+@pytest.mark.parametrize("signal", ["SIGTERM", "SIGKILL"])
+def test_a_hand_in_that_ends_its_parent_affects_only_its_own_row(signal, tmp_path):
+    write(tmp_path / "a.ipynb", ME, SIGNAL.format(signal), *checks(4))
+    write(tmp_path / "b.ipynb", *solution(5, "Ben"))
+    grades = grade(str(tmp_path))[0]
+    said = "not graded: its process ended or did not end in time"
+    assert grades["flags"].tolist() == [said, ""]
+    assert grades["points"].tolist() == [0, 4]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs signals")
+def test_a_hand_in_that_stops_its_parent_does_not_stop_the_grading(tmp_path, monkeypatch):
+    monkeypatch.setattr("shipnet.exercises.grading.WHOLE", 3.0)
+    write(tmp_path / "a.ipynb", ME, SIGNAL.format("SIGSTOP"), *checks(4))
+    assert grade(str(tmp_path))[0]["points"].tolist() == [0]
+
+
+def test_text_that_is_not_unicode_is_written_and_printed(tmp_path, capsys):
+    write(tmp_path / "a.ipynb", ME.replace("Ann", "A\\ud800B"), RIGHT, *checks(4))
+    write(tmp_path / "b.ipynb", "me = 1; cell = '\ud800'", *checks(4))
+    name = tmp_path / os.fsdecode(b"caf\xe9.ipynb")
+    try:
+        write(name, ME, RIGHT, *checks(4))
+    except OSError:  # this file system accepts Unicode names only
+        write(tmp_path / "caf.ipynb", ME, RIGHT, *checks(4))
+    files = [tmp_path / f"grades{suffix}" for suffix in (".csv", ".html", ".xlsx", ".json")]
+    assert main(["grade", str(tmp_path), *(w for file in files for w in ("-o", str(file)))]) == 0
+    rows = list(csv.DictReader(files[0].read_text(encoding="utf-8").splitlines()))
+    assert [row["name"] for row in rows] == ["A\\ud800B", "", "Ann"]
+    assert [row["points"] for row in rows] == ["1", "0", "1"]
+    assert "A\\ud800B" in capsys.readouterr().out
+
+
+def test_only_regular_files_of_the_folder_are_read(tmp_path):
+    folder = tmp_path / "handed_in"
+    folder.mkdir()
+    write(tmp_path / "secret.ipynb", *solution(5))
+    write(folder / "honest.ipynb", *solution(5, "Ben"))
+    names = []
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(folder / "fifo.ipynb")
+        links = {"gone": "nothing", "outside": "../secret.ipynb", "self": "self.ipynb"}
+        for name, target in (links | {"zero": "/dev/zero"}).items():
+            (folder / f"{name}.ipynb").symlink_to(target)
+        names = ["fifo", "zero", *links]
+    grades = grade(str(folder))[0].set_index("file")
+    assert grades.pop("flags").to_dict() == {
+        "honest.ipynb": "",
+        **{f"{name}.ipynb": "not graded: not a regular file in this folder" for name in names},
+    }
+    assert grades.loc["honest.ipynb", "points"] == grades["points"].sum() == 4
+
+
+@pytest.mark.skipif(not hasattr(os, "fchdir"), reason="long paths")
+def test_deeply_nested_folders_do_not_stop_the_grading(tmp_path, monkeypatch):
+    write(tmp_path / "honest.ipynb", *solution(5, "Ben"))
+    monkeypatch.chdir(tmp_path)
+    for _ in range(1200):
+        Path("d").mkdir()
+        os.chdir("d")
+    try:
+        grades = grade(str(tmp_path))[0]
+    finally:  # pytest cannot delete them
+        subprocess.run(["rm", "-rf", "d"], check=True, cwd=tmp_path)
+    assert grades["points"].tolist() == [4]
+
+
+def test_a_flag_names_the_limit_that_a_notebook_exceeds(tmp_path):
+    write(tmp_path / "cells.ipynb", *["1"] * 501)
+    write(tmp_path / "large.ipynb", "#" * (16 << 20))
+    write(tmp_path / "name.ipynb", "class Me: name = 'A' * 9999\nme = Me()", RIGHT, *checks(4))
+    grades = grade(str(tmp_path))[0].set_index("file")
+    flags = grades["flags"]
+    assert flags["cells.ipynb"] == "more than 500 cells"
+    assert flags["large.ipynb"] == "not graded: larger than 16 MB"
+    assert flags["name.ipynb"] == "name longer than 100 characters"
+    assert grades.loc["name.ipynb", "name"] == "A" * 100
+    assert grades.loc["name.ipynb", "points"] == 1
+
+
+def test_an_unexpected_error_is_flagged_in_its_row(tmp_path, monkeypatch):
+    from shipnet.exercises import grading
+
+    errors = iter([OSError("the disk is full")])
+
+    def file(made=grading.TemporaryFile):
+        for error in errors:
+            raise error
+        return made()
+
+    for name in ("a", "b"):
+        write(tmp_path / f"{name}.ipynb", ME, RIGHT, *checks(4))
+    monkeypatch.setattr(grading, "TemporaryFile", file)
+    grades = grade(str(tmp_path))[0]
+    assert sorted(grades["flags"]) == ["", "not graded: the disk is full"]
+    assert sorted(grades["points"]) == [0, 1]
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        ["print(efficiency_of)"],
+        ['# check("ex-04-3", efficiency_of)'],
+        ['check("ex-04-3", lambda *a: 1)'],
+        ['check("ex-04-3", other)'],
+        [],
+    ],
+    ids=["print", "comment", "other answer", "other name", "removed"],
+)
+def test_an_exercise_with_an_edited_check_is_graded_from_its_answer_and_flagged(cells, tmp_path):
+    kept = [cell for cell in checks(4) if "ex-04-3" not in cell]
+    write(tmp_path / "a.ipynb", ME, RIGHT, *kept, *cells)
+    grades, verdicts = grade(str(tmp_path))
+    assert verdicts.set_index("exercise").loc["ex-04-3", "verdict"] == "correct"
+    assert grades.loc[0, "flags"] == "check of ex-04-3 edited"
+
+
+def test_a_lesson_without_any_check_is_graded(tmp_path):
+    write(tmp_path / "a.ipynb", *(c for c in solution(4, "Ann") if not c.startswith("check(")))
+    grades = grade(str(tmp_path))[0]
+    assert grades.loc[0, "points"] == 4
+    edited = "; ".join(f"check of ex-04-{k} edited" for k in range(1, 5))
+    assert grades.loc[0, "flags"] == edited
+
+
+def test_a_cell_with_an_answer_and_its_check_is_run(tmp_path):
+    write(
+        tmp_path / "a.ipynb", ME, "from shipnet.exercises import check", f"{RIGHT}\n{checks(4)[2]}"
+    )
+    assert of(tmp_path)["ex-04-3"] == "correct"
 
 
 def test_an_endless_function_is_stopped_and_one_without_a_body_is_not_solved(tmp_path, monkeypatch):
     monkeypatch.setattr("shipnet.exercises.grading.LIMIT", 2.0)
     endless = "def efficiency_of(*a):\n while True: pass"
     count = "def count_pulses(bits): raise NotImplementedError"
-    checks = 'check("ex-04-3", efficiency_of)', 'check("ex-01-3", count_pulses)'
-    write(tmp_path / "a.ipynb", ME, endless, count, *checks)
+    write(tmp_path / "a.ipynb", ME, endless, count, *checks(4), *checks(1))
     verdicts = of(tmp_path)
     assert "it took over 2 s" in verdicts["ex-04-3"]
     assert verdicts["ex-01-3"] == "not solved yet"
@@ -115,14 +297,14 @@ def test_what_a_teacher_should_look_at_is_flagged(tmp_path):
     copied = "def efficiency_of(data, master, slave):\n" + "".join(
         f"    step_{n} = data + master + slave + {n}\n" for n in range(5)
     )
-    check = 'check("ex-04-3", efficiency_of)'
     (tmp_path / "b").mkdir()
-    write(tmp_path / "a.ipynb", ME, copied, check)
-    write(tmp_path / "b/b.ipynb", ME.replace("Ann", "Ben"), "# mine\n" + copied, check)
-    write(tmp_path / "c.ipynb", ME.replace("Ann", "Kim"), RIGHT, check)
-    write(tmp_path / "d.ipynb", RIGHT, check, 'check("ex-01-4", 7)')
-    write(tmp_path / "e.ipynb", ME, "from shipnet.exercises.exercise import exercise", RIGHT, check)
-    write(tmp_path / "f.ipynb", ME, "1 +", "%matplotlib inline\n" + RIGHT, check)
+    write(tmp_path / "a.ipynb", ME, copied, *checks(4))
+    write(tmp_path / "b/b.ipynb", ME.replace("Ann", "Ben"), "# mine\n" + copied, *checks(4))
+    write(tmp_path / "c.ipynb", ME.replace("Ann", "Kim"), RIGHT, *checks(4))
+    write(tmp_path / "d.ipynb", RIGHT, *checks(4))
+    imported = "from shipnet.exercises.exercise import exercise"
+    write(tmp_path / "e.ipynb", ME, imported, RIGHT, *checks(4))
+    write(tmp_path / "f.ipynb", ME, "1 +", "%matplotlib inline\n" + RIGHT, *checks(4))
     (tmp_path / "g.ipynb").write_text('{"cells": [1]}')
     write(tmp_path / "h.ipynb", ME, 'check("ex-99-1", me)')
     grades = grade(str(tmp_path))[0].set_index("file")
@@ -131,23 +313,23 @@ def test_what_a_teacher_should_look_at_is_flagged(tmp_path):
     assert "same name as e.ipynb, f.ipynb" in flags["a.ipynb"]
     assert flags["b/b.ipynb"] == "same lines for ex-04-3 as a.ipynb"
     assert flags["c.ipynb"] == "name unchanged"
-    assert flags["d.ipynb"] == "check of ex-01-4 edited; no name; name unchanged"
+    assert flags["d.ipynb"] == "no name; name unchanged"
     assert "imports the code that checks answers" in flags["e.ipynb"]
     assert grades.loc["f.ipynb", "points"] == 1
     assert flags["g.ipynb"] == "not a readable notebook"
-    assert flags["h.ipynb"] == "no exercise check found"
+    assert flags["h.ipynb"] == "no exercise found"
 
 
 def test_the_command_writes_grades_and_what_is_not_correct(tmp_path, capsys):
-    write(tmp_path / "a.ipynb", ME, RIGHT, 'check("ex-04-3", efficiency_of)')
+    write(tmp_path / "a.ipynb", ME, RIGHT, *checks(4))
     files = [tmp_path / f"grades{suffix}" for suffix in (".csv", ".html")]
     outputs = [word for file in files for word in ("-o", str(file))]
     assert main(["grade", str(tmp_path), *outputs]) == 0
     assert "1 notebook, 0 with a flag" in capsys.readouterr().out
-    titles, row = files[0].read_text().splitlines()
+    titles, row = files[0].read_text(encoding="utf-8-sig").splitlines()
     assert titles == "name,file,ex-04-1,ex-04-2,ex-04-3,ex-04-4,points,flags"
     assert row == "Ann,a.ipynb,0,0,1,0,1,"
-    assert "<td>no check</td>" in files[1].read_text()
+    assert "<td>NameError: name 'cycle_ms' is not defined</td>" in files[1].read_text()
 
 
 @pytest.mark.parametrize("make", [False, True])

@@ -106,14 +106,17 @@ def test_a_point_between_two_terms_is_a_cell_of_its_own():
     assert base.overlaps().empty
 
 
+# Without a printed speed, V2 cannot be excluded.
 RIGHT = {
-    ("printed", "absent"): {"V2": "normal", "S2": "S1", "Pos2": "normal"},
+    ("printed", "absent"): {
+        "normal": "undetermined", "V2": "undetermined", "S2": "S1", "Pos2": "undetermined",
+    },
     ("printed", "normal"): {"V2": "normal", "S1": "Pos1", "S2": "Pos1", "Pos2": "normal"},
-    ("printed", "physical"): {"V2": "normal", "S2": "S1", "Pos2": "normal"},
+    ("printed", "physical"): {"V2": "normal", "S2": "S1", "Pos2": "undetermined"},
     ("corrected", "absent"): {},
     ("corrected", "normal"): {"S1": "Pos1", "S2": "Pos2"},
     ("corrected", "physical"): {},
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("crisp", [True, False])
@@ -176,8 +179,10 @@ def test_the_centroid_of_two_faults_names_a_third():
     table = BASE.centroid(samples)
     assert table["active"].tolist() == ["S1 Pos3", "P1 V1", ""]
     assert table["centroid"].tolist()[:2] == [8.5, 3.0]
-    assert table["nearest"].tolist() == ["O1", "P2", "normal"]
-    assert table["top"].tolist() == ["S1", "P1", "normal"]
+    assert table["nearest"].tolist() == ["O1", "P2", "undetermined"]
+    assert table["top"].tolist() == ["S1", "P1", "undetermined"]
+    healthy = BASE.centroid({"FP": 90, "OP": 2, "MC": 1.2, "OT": 50, "VPos": 50, "DVPos": [9]})
+    assert healthy["nearest"].tolist() == ["normal"]
 
 
 def test_the_centroid_of_one_fault_is_its_own_number():
@@ -185,4 +190,4 @@ def test_the_centroid_of_one_fault_is_its_own_number():
     table = BASE.centroid(tests)
     assert table["nearest"].tolist() == tests.index.tolist()
     assert table["centroid"].tolist() == [1, 2, 3, 4, 5, 8, 11]
-    assert BASE.centroid({"OT": [float("nan")]})["nearest"].tolist() == ["unknown"]
+    assert BASE.centroid({"OT": [float("nan")]})["nearest"].tolist() == ["undetermined"]

@@ -16,7 +16,7 @@ def firing_of(strength):
     """Return a firing with given strengths; the sensor values do not matter."""
     array = np.asarray(strength, dtype=float)
     zeros = dict.fromkeys(BASE.names, np.zeros(array.shape[:-1]))
-    return Firing(BASE, zeros, array)
+    return Firing(BASE, zeros, array, array)
 
 
 def of_rule(code, column):
@@ -66,20 +66,25 @@ def test_a_strength_at_the_threshold_is_an_alarm():
     assert of_rule("O1", column).decide(threshold=0.3).top.tolist() == ["normal", "O1", "O1"]
 
 
-def test_without_any_sensor_the_state_is_unknown():
+def test_without_any_sensor_the_state_is_undetermined():
     firing = BASE.fire({"OT": [math.nan, 50, 95, math.nan]})
     decision = firing.decide()
-    assert decision.top.tolist() == ["unknown", "normal", "O1", "unknown"]
-    assert decision.explain(0) == "unknown; missing FP OP MC OT VPos DVPos"
+    assert decision.top.tolist() == ["undetermined", "undetermined", "O1", "undetermined"]
+    assert decision.explain(0) == (
+        "undetermined: cannot exclude G1 P1 V1 P2 V2 Pos1 Pos2 S1 S2 Pos3 Pos4 O1; "
+        "missing FP OP MC OT VPos DVPos"
+    )
     # A persistent fault is reported even while its sensor is silent.
     assert BASE.fire({"OT": [95, math.nan]}).decide(k=1, n=2).top.tolist() == ["O1"] * 2
 
 
 def test_the_table_has_the_decisions_and_the_bad_sensors():
-    table = BASE.fire({"MC": [0, 0, 9], "VPos": [105, 50, 50], "OP": [2, 2, 2]}).decide().table()
-    assert table.iloc[0].tolist() == ["Pos1", 1.0, "Pos1 S1 Pos3", "FP OT DVPos", ""]
-    assert table.iloc[1].tolist() == ["normal", 1.0, "", "FP OT DVPos", ""]
-    assert table["clipped"].tolist() == ["", "", "MC"]
+    readings = {"FP": 90, "MC": [0, 0, 9], "VPos": [105, 50, 50], "OP": [2, 2, 2], "DVPos": 9}
+    table = BASE.fire(readings).decide().table()
+    assert table.iloc[0].tolist() == ["Pos1", 1.0, "Pos1 S1 Pos3", "O1", "OT", ""]
+    assert table.iloc[1].fillna("").tolist() == ["undetermined", "", "", "O1", "OT", ""]
+    assert BASE.fire(readings | {"OT": 50}).decide().table()["strength"].tolist() == [1, 1, 1]
+    assert table["out_of_range"].tolist() == ["", "", "MC"]
 
 
 def test_the_sentence_names_terms_values_and_degrees():
@@ -93,10 +98,10 @@ def test_the_sentence_names_terms_values_and_degrees():
 
 
 def test_the_sentence_names_the_other_codes_and_bad_sensors():
-    decision = BASE.fire({"VPos": [[400.0]], "MC": [[0]], "FP": 90}).decide()
+    decision = BASE.fire({"VPos": [[330.0]], "MC": [[0]], "FP": 400}).decide()
     assert decision.explain(0, 0) == (
-        "S1 1.00: MC 0 A zero 1.00, VPos 400 % above open 1.00; also Pos3 1.00; "
-        "missing OP OT DVPos; out of range VPos"
+        "S1 1.00: MC 0 A zero 1.00, VPos 330 % above open 1.00; also Pos3 1.00; "
+        "cannot exclude G1 V1 V2 Pos1; missing OP OT DVPos; out of range FP 400 bar"
     )
 
 
@@ -130,6 +135,6 @@ def test_one_sample_has_no_past():
         firing.decide(k=1, n=2)
     assert firing.decide().table()["top"].tolist() == ["O1"]
     assert repr(firing.decide()).startswith("Decision(O1 1.00")
-    assert repr(BASE.decide({"OT": [95, 50, 50]})) == "Decision(3 samples: 1 O1, 2 normal)"
+    assert repr(BASE.decide({"OT": [95, 50, 50]})) == "Decision(3 samples: 1 O1, 2 undetermined)"
     with pytest.raises(ArgumentError, match="at most two fit in a table"):
         BASE.decide({"OT": [[95]]}).table()

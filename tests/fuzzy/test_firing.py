@@ -64,7 +64,9 @@ def test_a_strength_is_the_smallest_membership_including_steps_and_shoulders(cor
     values = np.array(x, float)
     found = RuleBase(variables, rules).fire(dict.fromkeys(names, values)).strength
     within = np.clip(values, -3.5, 3.5)
-    degrees = [variable.terms[0].membership(within) for variable in variables]
+    # A value outside 3.6..21 mA on a scale of 4..20 mA is missing.
+    read = (values >= -3.5 - 7 / 40) & (values <= 3.5 + 7 / 16)
+    degrees = [np.where(read, variable.terms[0].membership(within), 0) for variable in variables]
     for k in range(len(names)):
         assert np.array_equal(found[:, k], np.min(degrees[: k + 1], axis=0))
 
@@ -79,7 +81,7 @@ def plain_strength(rule, row):
     degrees = []
     for variable, term in BASE.terms_of(rule):
         x = row[BASE.names.index(variable.name)]
-        if math.isnan(x):
+        if not variable.valid[0] <= x <= variable.valid[1]:
             return 0.0
         x = min(max(x, variable.low), variable.high)
         a, b, c, d = term.corners
@@ -101,12 +103,13 @@ def test_strengths_are_those_of_a_textbook_loop(table):
 
 
 @given(rows)
-def test_missing_and_clipped_sensors_are_flagged(table):
+def test_missing_sensors_and_impossible_readings_are_flagged(table):
     firing = BASE.fire(samples_of(table))
-    for row, missing, clipped in zip(table, firing.missing, firing.clipped, strict=True):
-        for variable, x, lacks, out in zip(BASE.variables, row, missing, clipped, strict=True):
+    for row, missing, outside in zip(table, firing.missing, firing.out_of_range, strict=True):
+        for variable, x, lacks, out in zip(BASE.variables, row, missing, outside, strict=True):
             assert lacks == math.isnan(x)
-            assert out == (not math.isnan(x) and not variable.low <= x <= variable.high)
+            milliamperes = 4 + 16 * (x - variable.low) / (variable.high - variable.low)
+            assert out == (milliamperes < 3.6 or milliamperes > 21)
 
 
 @given(rows)
@@ -132,7 +135,11 @@ def test_printed_comparisons_hold_as_in_python(table):
         sensors = dict(zip(BASE.names, row, strict=True))
         for rule, strength in zip(BASE.rules, found, strict=True):
             pairs = rule.antecedent
-            holds = all(meaning[f"{name}.{term}"](sensors[name]) for name, term in pairs)
+            holds = all(
+                BASE[name].valid[0] <= sensors[name] <= BASE[name].valid[1]
+                and meaning[f"{name}.{term}"](sensors[name])
+                for name, term in pairs
+            )
             assert strength == holds
 
 
@@ -148,23 +155,27 @@ def test_a_missing_sensor_never_raises_a_strength():
         assert np.array_equal(nan.strength[:, ~needs], full.strength[:, ~needs])
 
 
-def test_a_value_beyond_the_universe_counts_as_its_end():
+def test_a_value_just_beyond_the_universe_counts_as_its_end_and_one_far_beyond_as_missing():
     for variable in BASE.variables:
-        ends = np.array([variable.low, variable.high])
-        inside = BASE.fire({variable.name: ends})
-        beyond = BASE.fire({variable.name: ends + np.array([-1e9, 1e9])})
-        assert np.array_equal(inside.strength, beyond.strength)
+        inside = BASE.fire({variable.name: [variable.low, variable.high]})
+        edge = BASE.fire({variable.name: variable.valid})
+        beyond = BASE.fire({variable.name: np.nextafter(variable.valid, [-math.inf, math.inf])})
+        assert np.array_equal(inside.strength, edge.strength)
         place = BASE.names.index(variable.name)
-        assert beyond.clipped[:, place].all() and not inside.clipped.any()
+        assert beyond.out_of_range[:, place].all() and not edge.out_of_range.any()
+        missing = BASE.fire({variable.name: [NAN, NAN]})
+        assert np.array_equal(beyond.strength, missing.strength)
+        assert np.array_equal(beyond.possible, missing.possible)
     # Comparisons as printed have no universe, so a negative current is not zero.
     sample = {"FP": 125, "MC": -0.01}
     assert BASE.fire(sample, "crisp")["G1"] == 0
     assert BASE.fire(sample)["G1"] == 1
 
 
-def test_normal_is_one_minus_the_greatest_strength_and_nan_without_sensors():
-    firing = BASE.fire({"OT": [50, 82, 90, NAN]})
-    assert np.allclose(firing.normal, [1, 0.8, 0, NAN], atol=TOLERANCE, equal_nan=True)
+def test_normal_is_one_minus_the_greatest_possible_strength():
+    healthy = {"FP": 90, "OP": 2, "MC": 1.2, "VPos": 50, "DVPos": 9}
+    firing = BASE.fire({**healthy, "OT": [50, 82, 90, NAN]})
+    assert np.allclose(firing.normal, [1, 0.8, 0, 0], atol=TOLERANCE)
 
 
 def test_many_samples_give_the_same_as_each_alone():
@@ -223,9 +234,9 @@ def test_an_unknown_method_is_refused(method):
 def test_values_beyond_the_universe_count_as_its_ends_except_in_printed_comparisons():
     wide = Term("wide", (-3, 1, 9, 13), "x < 12")
     base = RuleBase((Variable("x", "", 0, 10, (wide,)),), (Rule("on", (("x", "wide"),), 1),))
-    samples = {"x": [-2.5, 12.5]}
+    samples = {"x": [-0.25, 10.5]}
     assert base.fire(samples, "midpoint")["on"].tolist() == [1, 1]
-    assert base.fire(samples, "crisp")["on"].tolist() == [1, 0]
+    assert base.fire(samples, "crisp")["on"].tolist() == [1, 1]
     assert base.fire(samples, "crisp").strength.dtype == np.float64
     assert base.fire(samples)["on"].tolist() == [0.75, 0.75]
 

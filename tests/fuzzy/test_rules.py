@@ -1,3 +1,5 @@
+from dataclasses import FrozenInstanceError
+
 import pytest
 
 from shipnet import datasets
@@ -112,3 +114,12 @@ def test_the_assumed_fills_do_not_change_printed_values():
 def test_an_unknown_version_or_fill_is_refused(wrong):
     with pytest.raises(ArgumentError, match="must be one of"):
         rule_vectors(**wrong)
+
+
+def test_the_rules_of_the_paper_are_built_once_and_cannot_be_changed(base):
+    assert rule_base() is base and rule_base(slow_stroke=10) is not base
+    for part in (base, base.variables[0], base.rules[0], base.variables[0].terms[0]):
+        name = next(iter(part.__dataclass_fields__))
+        with pytest.raises(FrozenInstanceError):
+            setattr(part, name, None)
+        assert isinstance(hash(part), int)

@@ -675,4 +675,4 @@ except ImportError as problem:
 """
     printed = subprocess.check_output([sys.executable, "-c", program], text=True)
     assert printed.startswith(f"{package} is not installed")
-    assert 'pip install "shipnet[bus]"' in printed
+    assert printed.endswith(f"python -m pip install {package}\n")

@@ -227,7 +227,8 @@ def test_flags_of_the_pump_begin_with_pp():
 )  # fmt: skip
 def test_what_fires_beside_the_headline(code, fired):
     row = k_faults.BASE.check(PRINTED.loc[[code]], "crisp").iloc[0]
-    assert (row["fired"], row["top"]) == (fired, code)
+    # The normal row does not print the speed, which alone could exclude V2.
+    assert (row["fired"], row["top"]) == (fired, "undetermined" if code == "normal" else code)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,8 @@
 import asyncio
 import json
 import re
+import subprocess
+import sys
 from base64 import b64decode
 from dataclasses import dataclass, replace
 from html import unescape
@@ -28,6 +30,18 @@ from shipnet.tools._view import (
     write_state,
 )
 from tests.support import load
+
+WITHOUT_WIDGETS = """
+import sys
+sys.modules["ipywidgets"] = None
+from shipnet import tools
+print(tools.AsiLine().verdict)
+for use in (lambda: tools.AsiLine().explore(), lambda: tools.ValveClient, lambda: tools.stepper):
+    try:
+        use()
+    except ImportError as problem:
+        print(problem)
+"""
 
 #: Name of the tool in a saved state, which is that of its record's module.
 TOOL = "test_tools_page"
@@ -428,3 +442,11 @@ def test_faults_are_named():
         stepper(lambda k, ax: None, [])
     with pytest.raises(ArgumentError, match="there are 1 axes for 2 steps"):
         draw_steps(lambda k, ax: None, [0, 1], [Figure().subplots()])
+
+
+def test_without_widgets_a_tool_has_a_verdict_and_its_page_names_the_package():
+    printed = subprocess.check_output([sys.executable, "-c", WITHOUT_WIDGETS], text=True)
+    verdict, *errors = printed.splitlines()
+    assert verdict
+    said = "ipywidgets is not installed; install it with: python -m pip install ipywidgets"
+    assert errors == [said] * 3

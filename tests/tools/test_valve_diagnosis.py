@@ -49,9 +49,9 @@ def test_the_papers_vectors_are_diagnosed_as_printed():
 def test_standstill_without_a_command_and_a_missing_sensor_fire_nothing():
     assert ValveDiagnosis(DVPos=0.0).result.top[0] == "V2"
     assert ValveDiagnosis(DVPos=0.0, commanded=False).verdict == "normal"
-    lost = ValveDiagnosis(FP=nan, MC=4.0).result
-    assert lost.top[0] == "normal"
-    assert "missing FP" in lost.explain(0)
+    lost = ValveDiagnosis(FP=nan, MC=4.0)
+    assert lost.verdict == "undetermined" and not lost.result.active.any()
+    assert lost.result.explain(0) == "undetermined: cannot exclude P1; missing FP"
 
 
 def test_the_threshold_decides_what_is_active_but_not_what_fires_as_printed():

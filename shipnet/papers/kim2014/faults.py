@@ -133,7 +133,8 @@ def reading_table() -> pd.DataFrame:
     """Return how many of the 13 rows, as printed and as corrected, are right in each reading.
 
     The columns count rows whose own rule ``fires``, fires with ``fuzzy`` ramps, or is the first to
-    fire in ``our ranking`` or in ``table order``; ``not`` lists the rows missing from ``fires``.
+    fire in ``our ranking`` or in ``table order``; ``not`` lists the rows missing from ``fires``. As
+    in the paper, a row on which no rule fires is normal, even if it does not print all values.
     """
     rows = {}
     for version, reading in product(("printed", "corrected"), READINGS):
@@ -143,12 +144,16 @@ def reading_table() -> pd.DataFrame:
             [is_right(*pair) for pair in zip(tests.index, one["fired"], strict=True)]
             for one in (crisp, fuzzy)
         ]
-        order = [
-            min([NORMAL] if not codes else codes.split(), key=[NORMAL, *BASE.codes].index)
-            for codes in crisp["fired"]
-        ]
+        ours, order = (
+            [
+                min(codes.split() or [NORMAL], key=[NORMAL, *ranking].index)
+                for codes in crisp["fired"]
+            ]
+            for ranking in (BASE.ranking, BASE.codes)
+        )
         rows[version, reading] = (
-            sum(own[0]), sum(own[1]), int(crisp["right"].sum()), int((tests.index == order).sum()),
+            sum(own[0]), sum(own[1]), int((tests.index == ours).sum()),
+            int((tests.index == order).sum()),
             ", ".join(tests.index[~np.array(own[0])]),
         )  # fmt: skip
     columns = ["fires", "fuzzy", "our ranking", "table order", "not"]
@@ -164,14 +169,15 @@ def fired_table(version: str = "printed") -> pd.DataFrame:
 def through_registers(code: str) -> str:
     """Return the top-ranked fault for a corrected row after its readings are sent in registers.
 
-    Missing values follow from the state that the row describes; DVPos is used without being sent.
+    Missing values follow from the state that the row describes. DVPos is used without being sent;
+    it does not apply while the motor is off.
     """
     tests = rule_vectors(fill="physical").loc[[code]]
     names = [channel.name for channel in CHANNELS]
     registers = RegisterMap().encode(tests[names].to_numpy().T, close=False, open=True).registers
     received = pd.DataFrame(RegisterMap().decode(registers).readings.T, tests.index, names)
     tests = received.assign(DVPos=tests["DVPos"])
-    return str(BASE.check(tests, "crisp")["top"].iloc[0])
+    return str(BASE.decide(tests, "crisp", applies={"DVPos": tests["DVPos"].notna()}).top[0])
 
 
 @check("kim2014-026", code="normal", channel="DVPos", value=11.0, counter={"value": 0.0})

@@ -1,0 +1,257 @@
+"""Files that a spreadsheet may open, and text that a terminal prints, execute nothing."""
+
+import ast
+import csv
+import io
+import json
+import sys
+from pathlib import Path
+
+import openpyxl
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipnet import asi, can, line
+from shipnet.__main__ import main
+from shipnet.answers import Answer
+from shipnet.asi.plan_file import read_elements, write_elements
+from shipnet.design.command import save_faults
+from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.rules import RuleSet
+from shipnet.tables import NUMBER, as_csv, as_workbook, cell_text, csv_text, parse_sheet
+
+PACKAGE = Path(__file__).resolve().parents[2] / "shipnet"
+
+#: Text that some spreadsheet reads as a formula, or nearly.
+SIGNS = ["=1+1", "+A1", "-X1", "@SUM(A1)", "=A1-B2", "'=K", "''-K", "\t=1", "\r=1", "\n=1", " =1",
+         "\u3000=1", "\uff1d1", "\uff0bA", "\uff0dA", "\uff20A", "\ufeff=1", "\x00=1", "' =1", "-",
+         "=cmd|' /C calc'!A0", "a\r=1", "a\n=1", "'", "'quoted'", "-1.5", "+3", "'-5",
+         "\ud800"]  # fmt: skip
+TEXT = st.sampled_from(SIGNS) | st.text("'=+-@\t\r\n \uff1d;,\"a1.\ud800", max_size=6) | st.text()
+CELL = TEXT | st.floats() | st.integers() | st.booleans() | st.none()
+
+
+def starts_a_formula(cell):
+    """Return whether a spreadsheet that trims cells and accepts wide signs sees a formula."""
+    if cell[:1] in ("\t", "\r", "\n"):
+        return True
+    return cell.strip("\ufeff\x00 \u3000\t\r\n")[:1] in tuple("=+-@\uff1d\uff0b\uff0d\uff20") and (
+        NUMBER.fullmatch(cell) is None and cell not in ("-inf", "nan")
+    )
+
+
+def rows_of(data):
+    text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
+    return list(csv.reader(io.StringIO(text, newline="")))
+
+
+@given(st.lists(st.lists(CELL, min_size=2, max_size=2), max_size=4))
+def test_no_cell_of_a_table_begins_a_formula(rows):
+    for written in (csv_text(rows), as_csv(pd.DataFrame(rows, columns=["=a", "-b"], dtype=object))):
+        found = rows_of(written)
+        assert not [cell for row in found for cell in row if starts_a_formula(cell)]
+        assert len(found) == len(rows) + isinstance(written, bytes)
+
+
+@given(TEXT, TEXT)
+def test_text_is_read_back_as_it_was(title, cell):
+    (again,) = rows_of(csv_text([(title, cell)]))
+    for text, read in zip((title, cell), again, strict=True):
+        plain = text.encode("utf-8", "backslashreplace").decode()
+        assert cell_text(read) == plain.replace("\r\n", "\n").replace("\r", "\n").strip()
+
+
+def test_titles_are_read_back():
+    sheet = parse_sheet(csv_text([("=A1", "-b", "c"), ("@x", -1.5, "-1.5")]))
+    assert sheet.titles == ("=A1", "-b", "c")
+    assert sheet.rows == [(2, ["@x", "-1.5", "-1.5"])]
+
+
+@given(CELL)
+def test_no_cell_of_a_workbook_is_a_formula(cell):
+    book = openpyxl.load_workbook(io.BytesIO(as_workbook({"one": pd.DataFrame({"=a": [cell]})})))
+    assert "f" not in {cell.data_type for row in book["one"].iter_rows() for cell in row}
+
+
+def test_editing_a_text_in_a_workbook_makes_no_formula():
+    book = openpyxl.load_workbook(
+        io.BytesIO(as_workbook({"one": pd.DataFrame({"a": ["=1", "b"]})}))
+    )
+    assert [cell.quotePrefix for cell in book["one"]["A"]] == [False, True, False]
+    assert [cell.value for cell in book["one"]["A"]] == ["a", "=1", "b"]
+
+
+def test_a_workbook_without_openpyxl_names_the_package(monkeypatch):
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    with pytest.raises(ImportError, match="openpyxl is not installed; install it with"):
+        as_workbook({"one": pd.DataFrame({"a": [1]})})
+
+
+def printable_names():
+    """Return names that a plan, a message set and an I/O list accept."""
+    letters = st.characters(exclude_categories=["C", "Z"])
+    names = st.tuples(st.sampled_from(["=", "-", "+", "@", "'=", "''-", "\uff1d", ""]),
+                      st.text(letters, min_size=1, max_size=5)).map("".join)  # fmt: skip
+    return names.filter(lambda name: name.isprintable() and name == name.strip())
+
+
+@given(printable_names(), printable_names())
+def test_a_plan_is_read_back_as_it_was(tmp_path_factory, first, second):
+    if first == second:
+        return
+    path = tmp_path_factory.getbasetemp() / "plan.csv"
+    elements = [asi.Master(node=first), asi.CableRun(first, second, 10.0),
+                asi.Slave(label="1", node=second)]  # fmt: skip
+    write_elements(elements, path)
+    assert read_elements(path) == elements
+    assert not [
+        cell for row in rows_of(path.read_bytes()) for cell in row if starts_a_formula(cell)
+    ]
+
+
+@given(printable_names(), printable_names())
+def test_a_message_set_is_read_back_as_it_was(tmp_path_factory, name, sender):
+    path = tmp_path_factory.getbasetemp() / "messages.csv"
+    messages = can.MessageSet([can.Message(name, 1, 8, 0.01, sender=sender)])
+    messages.save(path)
+    assert list(can.read_messages(path)) == list(messages)
+    assert list(can.MessageSet.parse(messages.text)) == list(messages)
+    assert not [
+        cell for row in rows_of(path.read_bytes()) for cell in row if starts_a_formula(cell)
+    ]
+
+
+@given(printable_names(), printable_names())
+def test_an_io_list_is_read_back_as_it_was(tmp_path_factory, tag, note):
+    path = tmp_path_factory.getbasetemp() / "iolist.csv"
+    rows = [("tag", "signal", "x", "y", "z", "note"), (tag, "contact", -1.5, 2, 3, note)]
+    try:
+        iolist = IoList.parse(csv_text(rows))
+    except ValueError:  # not every name is a tag, such as "spare"
+        return
+    iolist.save(path)
+    assert read_iolist(path).points.equals(iolist.points)
+    assert not [
+        cell for row in rows_of(path.read_bytes()) for cell in row if starts_a_formula(cell)
+    ]
+
+
+def test_names_of_own_rules_may_have_an_apostrophe_before_a_sign(tmp_path):
+    path = tmp_path / "rules.csv"
+    path.write_text("rule,measure,limit,source\n'=R1,response,1,'-us\n")
+    assert RuleSet.read(path).table().index.tolist() == ["=R1"]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".xlsx", ".json", ""])
+def test_an_answer_is_saved_without_formulas(suffix, tmp_path):
+    table = pd.DataFrame({"=name": SIGNS, "value": range(-1, len(SIGNS) - 1)})
+    answer = Answer(None, "", "", {}, {"grades": table}, lambda ax: None)
+    file = tmp_path / f"out{suffix}"
+    answer.save(str(file), "grade")
+    if suffix == ".json":
+        names = [
+            row["=name"] for row in json.loads(file.read_text(encoding="utf-8"))["tables"]["grades"]
+        ]
+        assert names == [*SIGNS[:-1], "\\ud800"]
+    elif suffix != ".xlsx":
+        titles, *rows = rows_of((file if suffix else file / "grades.csv").read_bytes())
+        assert titles == ["'=name", "value"]
+        assert rows[0] == ["'=1+1", "-1"]
+        assert not [cell for row in rows for cell in row if starts_a_formula(cell)]
+
+
+def test_the_names_of_nodes_in_a_record_are_no_formulas(tmp_path):
+    path = tmp_path / "scope.csv"
+    line.Waveform([[0.0, 1.0, 2.0]], 1e-7, names=("=\uac11",)).save(path)
+    first, *rows = rows_of(path.read_bytes())
+    assert first == ["time (s)", "'=\uac11 (V)"]
+    assert len(rows) == 3
+    assert line.Waveform.read(path).names == ("=\uac11",)
+
+
+def test_the_file_of_faults_has_no_formulas(tmp_path):
+    save_faults(
+        str(tmp_path / "f.csv"), "=list\udcff.csv", ["row 2, column =x: '-1' is wrong", "@no"]
+    )
+    assert rows_of((tmp_path / "f.csv").read_bytes()) == [
+        ["file", "row", "column", "fault"], ["'=list\\udcff.csv", "2", "'=x", "''-1' is wrong"],
+        ["'=list\\udcff.csv", "", "", "'@no"],
+    ]  # fmt: skip
+
+
+WRITERS = {"to_csv", "to_excel", "DictWriter", "ExcelWriter", "Workbook", "writer", "savetxt"}
+
+
+def test_only_one_module_writes_csv_and_workbooks():
+    """`Waveform.save` writes numbers by `savetxt`, under titles of the one writer."""
+    found = set()
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call):
+                name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+                found |= (
+                    {(path.relative_to(PACKAGE).as_posix(), name)} if name in WRITERS else set()
+                )
+    assert found == {("tables.py", "writer"), ("tables.py", "Workbook"),
+                     ("line/waveform.py", "savetxt")}  # fmt: skip
+
+
+# Escapes that set the title, move the cursor, reverse text; half a pair of surrogates.
+HOSTILE = "Ann\x1b]0;x\x07\x9b2J\x7f\u202e\ud800\rB"
+SAFE = r"Ann\u001b]0;x\u0007\u009b2J\u007f\u202e\ud800\u000dB"
+
+
+def commands(text):
+    """Return the characters of text that command a terminal."""
+    return [c for c in text if not c.isprintable() and c not in "\n\t\xa0"]
+
+
+def test_the_name_of_a_student_cannot_command_the_terminal(tmp_path, capsys, monkeypatch):
+    grades = pd.DataFrame(
+        {"name": [HOSTILE], "file": "a.ipynb", "ex-04-3": 1, "points": 1, "flags": ""}
+    )
+    verdicts = pd.DataFrame({"file": ["a.ipynb"], "exercise": "ex-04-3", "verdict": HOSTILE})
+    monkeypatch.setattr("shipnet.exercises.grading.grade", lambda folder: (grades, verdicts))
+    files = [tmp_path / f"g{suffix}" for suffix in (".csv", ".xlsx", ".json", "")]
+    assert main(["grade", str(tmp_path), *(w for file in files for w in ("-o", str(file)))]) == 0
+    said = capsys.readouterr().out
+    assert SAFE.replace(r"\u000d", r"\r") in said
+    assert not commands(said)
+    assert main(["grade", str(tmp_path), "--json"]) == 0
+    printed = capsys.readouterr().out
+    assert not commands(printed)
+    assert printed == files[2].read_text(encoding="utf-8")
+    name = json.loads(printed)["tables"]["grades"][0]["name"]
+    assert name == HOSTILE.replace("\ud800", "\\ud800")
+
+
+def test_a_title_cannot_command_the_terminal(tmp_path, capsys):
+    file = tmp_path / "list.csv"
+    title = HOSTILE.replace("\ud800", "").replace("\r", "")
+    file.write_text(f"name,id,dlc,{title}\nA,1,8,10\n", encoding="utf-8")
+    for words in (
+        ["--column", "Every=period_ms"],
+        ["--column", f"{title}=period_ms", "--rates", "1"],
+    ):
+        assert main(["can", str(file), *words]) == 2
+        assert not commands(capsys.readouterr().err)
+
+
+def test_a_word_of_the_command_line_cannot_command_the_terminal(capsys):
+    with pytest.raises(SystemExit):
+        main(["ledger", "--\x1b]0;x\x07"])
+    assert not commands(capsys.readouterr().err)
+    assert main(["check", "none\x1b[2J\udcff.csv"]) == 2
+    assert r"none\u001b[2J\udcff.csv" in capsys.readouterr().err
+
+
+def test_a_terminal_without_unicode_shows_escapes(monkeypatch, tmp_path):
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr("sys.stdout", stream)
+    path = tmp_path / "list.csv"
+    can.MessageSet([can.Message("\uac11", 1, 8, 0.01)]).save(path)
+    assert main(["can", str(path), "--rates", "125k"]) == 0
+    stream.seek(0)
+    assert r"\uac11" in stream.read()
