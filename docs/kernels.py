@@ -89,6 +89,8 @@ def _serve() -> None:
     builtins.get_ipython = lambda: SimpleNamespace(kernel=None)
     for name in LIBRARIES:
         importlib.import_module(name)
+    with suppress(ImportError):  # not every system has numba; its first function takes a second
+        importlib.import_module("numba").njit(lambda x: x)(1)
     del builtins.get_ipython
     # Kernels do not garbage-collect the loaded libraries, so their memory is not copied.
     gc.freeze()

@@ -76,7 +76,7 @@ class Kernel(Generic[P, R]):
 
     @functools.cached_property
     def fast(self) -> Callable[P, R]:
-        """The compiled form, from a cache if its sources are unchanged and the cache can be written."""
+        """The compiled form, from the cache if its sources are unchanged."""
         numba: Any = import_module("numba")
         scope = self.plain.__globals__ | {name: part.fast for name, part in self.parts.items()}
         function = FunctionType(self.plain.__code__, scope, self.plain.__name__)

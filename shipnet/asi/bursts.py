@@ -7,7 +7,7 @@ A burst is a sequence of pulses with silence before and after it. The first and 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from shipnet.arrays import Bools, Floats, Indices, Integers, parts_of, release
 from shipnet.asi.batch import NONE
 from shipnet.asi.modulation import HALF_BIT, Pulses
-from shipnet.asi.receiver import Reception, filtered, receive
+from shipnet.asi.receiver import Reception, receive
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError
 
@@ -42,6 +42,10 @@ _RINGING = 0.2
 
 #: Time from the first to the last peak of a telegram [s], by its number of bits.
 _SPANS = {bits: (2 * bits - 2) * HALF_BIT for bits in (RESPONSE_BITS, REQUEST_BITS)}
+
+
+#: Number of blocks multiplied at a time, so that all stay in a core's own cache.
+_BLOCKS = 2**10
 
 
 class Sampling(NamedTuple):
@@ -151,6 +155,43 @@ def resample(
     for end, beyond in ((own[:around], v[:front]), (own[-around:], v[front + used :])):
         beyond[:] = np.median(end.reshape(-1, mean).mean(axis=1)) if used else 0.0
     return filtered(taps, v, used // mean * up // down, up, mean * down, out)
+
+
+def filtered(
+    taps: npt.NDArray[Any],
+    x: npt.NDArray[Any],
+    size: int,
+    up: int = 1,
+    down: int = 1,
+    out: npt.NDArray[Any] | None = None,
+) -> npt.NDArray[Any]:
+    r"""Filter a row by block-wise matrix products; beyond its end, the row is taken to be 0.
+
+    .. math:: y_i = \sum_k h_{u k - d i} \, x_k, \qquad i = 0 \ldots size - 1
+    """
+    times = max(-(-16 // up), -(-len(taps) // (up * down)))
+    block, outputs = times * down, times * up
+    matrix = _band(taps.astype(x.dtype).tobytes(), x.dtype.str, outputs, up, down)
+    need = (-(-size // outputs) + 1) * block
+    if len(x) < need:
+        x = np.concatenate([x, np.zeros(need - len(x), x.dtype)])
+    blocks = x[:need].reshape(-1, block)
+    whole = (len(blocks) - 1) * outputs
+    y = (np.empty(whole, x.dtype) if out is None else out[:whole]).reshape(-1, outputs)
+    for k in range(0, len(y), _BLOCKS):
+        part = y[k : k + _BLOCKS]
+        np.matmul(blocks[k : k + len(part)], matrix[:block], out=part)
+        part += blocks[k + 1 : k + 1 + len(part), : len(matrix) - block] @ matrix[block:]
+    return y.ravel()[:size]
+
+
+@lru_cache(maxsize=64)
+def _band(taps: bytes, kind: str, outputs: int, up: int = 1, down: int = 1) -> npt.NDArray[Any]:
+    """Return the matrix that filters a run of samples."""
+    h = np.frombuffer(taps, kind)
+    samples = max(outputs * down, len(h) - 1 + (outputs - 1) * down + up) // up
+    tap = up * np.arange(samples)[:, np.newaxis] - down * np.arange(outputs)
+    return np.where((tap >= 0) & (tap < len(h)), h[np.clip(tap, 0, len(h) - 1)], 0).astype(kind)
 
 
 def _middle(u: npt.NDArray[Any], looks: int) -> float:

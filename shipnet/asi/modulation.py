@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -24,6 +23,7 @@ from shipnet.arrays import Bools, Complexes, Floats
 from shipnet.asi.batch import NONE
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, RESPONSES
 from shipnet.asi.timing import BIT_TIME
+from shipnet.compiled import compiled
 from shipnet.errors import (
     AlternationError,
     ArgumentError,
@@ -49,6 +49,14 @@ SEND_CURRENT = 60e-3
 
 Codes = npt.NDArray[np.uint8]
 Signs = npt.NDArray[np.int8]
+
+
+def pulse(x: npt.ArrayLike) -> Floats:
+    r"""Return a pulse of height 1 at times `x` in half-bits: the slope of `ramp`, halved.
+
+    .. math:: p(x) = \sin^2 \pi x, \qquad 0 \le x \le 1
+    """
+    return np.sin(np.pi * np.clip(x, 0.0, 1.0)) ** 2
 
 
 def ramp(x: npt.ArrayLike) -> Floats:
@@ -87,37 +95,48 @@ CLASSES: dict[str, type[FrameError]] = {
 }
 
 
-def _violations(columns: Signs) -> Bools:
-    """Return the checks that `columns` (n_slots, ...) fail, as an array (n_checks, ...) of bool."""
-    telegram, after = columns[1:-2], columns[-2:]
-    middles = telegram[::2]
-    empty = telegram == 0
-    # The running sum of the pulses is the inverted send current, which has two levels. If two
-    # successive pulses have the same sign, the sum spans more than these two levels.
-    level = np.cumsum(telegram, axis=0, dtype=np.int8)
-    span = np.maximum(level.max(axis=0), 0) - np.minimum(level.min(axis=0), 0)
-    return np.stack(
-        [
-            (columns[0] != 0) | (columns[1] != -1),
-            span > 1,
-            (empty[1:] & empty[:-1]).any(axis=0),
-            empty[::2].any(axis=0),
-            np.logical_xor.reduce(middles[1:-1] > 0, axis=0),
-            middles[-1] != 1,
-            (after != 0).any(axis=0),
-        ]
-    )
+@compiled
+def violated(pulse: Signs | list[int]) -> tuple[int, int, int, int, int, int, int]:
+    """Return the slot that first violates each rule of a telegram, or -1 (kim2023, section 3.4).
+
+    The rules are in the order of `CLASSES`; `pulse` ends with the two slots of silence.
+    """
+    last = len(pulse) - 3
+    start = alternation = pause = information = parity = end = length = -1
+    if pulse[0] != 0:
+        start = 0
+    elif pulse[1] != -1:  # the start bit is a 0
+        start = 1
+    before, ones = 0, 0
+    for k in range(1, last + 1):
+        if pulse[k] != 0:
+            if pulse[k] == before and alternation < 0:
+                alternation = k
+            before = pulse[k]
+        if pulse[k] == 0 and k < last and pulse[k + 1] == 0 and pause < 0:
+            pause = k
+        if pulse[k] == 0 and k % 2 == 1 and information < 0:  # the middle of a bit
+            information = k
+        if pulse[k] > 0 and k % 2 == 1 and 1 < k < last:
+            ones += 1
+    if ones % 2 == 1:
+        parity = last - 2
+    if pulse[last] != 1:  # the end bit is a 1
+        end = last
+    if pulse[last + 1] != 0:
+        length = last + 1
+    elif pulse[last + 2] != 0:
+        length = last + 2
+    return start, alternation, pause, information, parity, end, length
 
 
-def check_columns(columns: Signs) -> tuple[Signs, Codes]:
-    """Return the bits, shape (n_bits, ...), and the error codes of pulses (n_slots, ...)."""
-    error = np.zeros(columns.shape[1:], dtype=np.uint8)
-    failed = _violations(columns)
-    # Go through the checks in reverse order, so that the code of the first failed check remains.
-    for kind, fails in reversed(list(zip(CLASSES.values(), failed, strict=True))):
-        error[fails] = kind.code
-    middles = columns[1:-2:2]
-    return np.where(middles == 0, NONE, middles > 0).astype(np.int8), error
+@compiled
+def violated_by_rows(pulses: Signs) -> Signs:
+    """Return the slot that first violates each rule, one row per telegram."""
+    places = np.zeros((len(pulses), 7), np.int8)
+    for row in range(len(pulses)):
+        places[row] = violated(pulses[row])
+    return places
 
 
 @checked
@@ -272,6 +291,28 @@ class Modulation:
 _SIGN = {-1: "-", 0: "no pulse", 1: "+"}
 
 
+def _violation(rule: str, place: int, pulse: Sequence[int]) -> str:
+    """Describe the violation of a rule at a slot."""
+    slot = f"slot {place} has {_SIGN[pulse[place]]}"
+    if rule == "start":
+        must = "the start bit's pulse must be -" if place else "the first pulse belongs in slot 1"
+        return f"{slot}; {must}"
+    if rule == "alternation":
+        before = max(k for k in range(place) if pulse[k])
+        return f"{slot} like slot {before}, the previous pulse; signs must alternate"
+    if rule == "pause":
+        return f"slots {place} and {place + 1} are both empty inside the telegram"
+    if rule == "information":
+        return f"slot {place}, the middle of bit {place // 2}, is empty"
+    if rule == "parity":
+        bits = "".join("1" if sign > 0 else "0" for sign in pulse[1 : place + 1 : 2])
+        count = bits.count("1")
+        return f"slots 1 to {place} contain {bits}, with {count} ones; the number must be even"
+    if rule == "end":
+        return f"{slot}; the end bit's pulse must be +"
+    return f"{slot}; the line must be silent after slot {len(pulse) - 3}"
+
+
 def _write_bits(ax: Axes, bits: str, height: float, va: str = "center") -> None:
     """Write each bit in the middle of its bit time."""
     for place, bit in enumerate(bits):
@@ -339,8 +380,8 @@ class Pulses:
         return int(np.count_nonzero(self.signs))
 
     @property
-    def _columns(self) -> Signs:
-        """Signs with two half-bits of silence, in the shape (n_slots, ...) for fast processing."""
+    def _telegrams(self) -> Signs:
+        """Signs with two half-bits of silence."""
         signs, lengths = self.signs, (2 * RESPONSE_BITS, 2 * REQUEST_BITS)
         if signs.shape[-1] in lengths:
             signs = np.pad(signs, [(0, 0)] * (signs.ndim - 1) + [(0, 2)])
@@ -349,62 +390,44 @@ class Pulses:
                 f"there are {signs.shape[-1]} half-bits; a response has {lengths[0]} and a request "
                 f"{lengths[1]}, plus two if the silence after it is included"
             )
-        return np.ascontiguousarray(np.moveaxis(signs, -1, 0))
+        return np.ascontiguousarray(signs)
 
-    def check(self) -> tuple[Signs, Codes]:
-        """Return the bits of each telegram, -1 where a pulse is missing, and its error code."""
-        bits, error = check_columns(self._columns)
-        return np.ascontiguousarray(np.moveaxis(bits, 0, -1)), error
+    @property
+    def _telegram(self) -> list[int]:
+        """Signs of one telegram with two half-bits of silence."""
+        if self.signs.ndim != 1:
+            raise ArgumentError(f"pulses have shape {self.signs.shape}; give one telegram")
+        telegram: list[int] = self._telegrams.tolist()
+        return telegram
 
     @property
     def violations(self) -> Bools:
         """True for each check that a telegram fails; the last axis has the order of `CLASSES`."""
-        return np.ascontiguousarray(np.moveaxis(_violations(self._columns), 0, -1))
+        pulses = self._telegrams
+        rows = pulses.reshape(-1, pulses.shape[-1])
+        places = violated_by_rows.run(rows.size, rows)
+        return np.asarray(places >= 0).reshape(*pulses.shape[:-1], len(CLASSES))
+
+    def check(self) -> tuple[Signs, Codes]:
+        """Return the bits of each telegram, -1 where a pulse is missing, and its error code."""
+        failed, middles = self.violations, self._telegrams[..., 1:-2:2]
+        codes = np.array([kind.code for kind in CLASSES.values()], np.uint8)
+        error = np.where(failed.any(axis=-1), codes[failed.argmax(axis=-1)], 0).astype(np.uint8)
+        return np.where(middles == 0, NONE, middles > 0).astype(np.int8), error
 
     def decode(self) -> str:
         """Return the bits of one telegram, or raise the FrameError of the first violated rule."""
-        pulse: list[int] = self._one(self._columns).tolist()
-        last = len(pulse) - 3
-        slot = [f"slot {j} has {_SIGN[sign]}" for j, sign in enumerate(pulse)]
-        if pulse[0]:
-            raise StartBitError(f"{slot[0]}; the first pulse belongs in slot 1")
-        if pulse[1] != -1:
-            raise StartBitError(f"{slot[1]}; the start bit's pulse must be -")
-        for j, k in pairwise(j for j in range(1, last + 1) if pulse[j]):
-            if pulse[j] == pulse[k]:
-                raise AlternationError(
-                    f"{slot[k]} like slot {j}, the previous pulse; signs must alternate"
-                )
-        for j in range(1, last):
-            if not pulse[j] and not pulse[j + 1]:
-                raise PauseError(f"slots {j} and {j + 1} are both empty inside the telegram")
-        for j in range(1, last + 1, 2):
-            if not pulse[j]:
-                raise InformationError(f"slot {j}, the middle of bit {j // 2}, is empty")
-        bits = "".join("1" if pulse[j] > 0 else "0" for j in range(1, last + 1, 2))
-        ones = bits[:-1].count("1")
-        if ones % 2:
-            raise ParityError(
-                f"slots 1 to {last - 2} contain {bits[:-1]}, with {ones} ones; the number must be "
-                "even"
-            )
-        if pulse[last] != 1:
-            raise EndBitError(f"{slot[last]}; the end bit's pulse must be +")
-        for j in (last + 1, last + 2):
-            if pulse[j]:
-                raise LengthError(f"{slot[j]}; the line must be silent after slot {last}")
-        return bits
-
-    def _one(self, columns: Signs) -> Signs:
-        if columns.ndim != 1:
-            raise ArgumentError(f"pulses have shape {self.signs.shape}; give one telegram")
-        return columns
+        pulse = self._telegram
+        for (rule, kind), place in zip(CLASSES.items(), violated(pulse), strict=True):
+            if place >= 0:
+                raise kind(_violation(rule, place, pulse))
+        return "".join("1" if sign > 0 else "0" for sign in pulse[1:-2:2])
 
     @property
     def broken(self) -> tuple[str, ...]:
         """Names of the rules that one telegram violates, in the order of the checks."""
-        failed = _violations(self._one(self._columns))
-        return tuple(name for name, fails in zip(CLASSES, failed, strict=True) if fails)
+        places = violated(self._telegram)
+        return tuple(rule for rule, place in zip(CLASSES, places, strict=True) if place >= 0)
 
     @property
     def error(self) -> str:
@@ -421,10 +444,10 @@ class Pulses:
     def plot(self, ax: Axes | None = None, *, faults: Sequence[int] = ()) -> Axes:
         """Draw the pulses of one telegram, with the slots listed in `faults` in red."""
         ax = style.axes(ax)
-        for slot, pulse in enumerate(self.signs):
+        for slot, sign in enumerate(self.signs):
             colour = style.LIMIT["color"] if slot in faults else "C0"
-            x = slot + np.linspace(0, 1, 30)
-            ax.plot(x, pulse * np.sin(np.pi * (x - slot)) ** 2, color=colour)
+            x = np.linspace(0, 1, 30)
+            ax.plot(slot + x, sign * pulse(x), color=colour)
             if slot in faults:
                 ax.axvspan(slot, slot + 1, color=colour, alpha=0.15, linewidth=0)
         ax.set(xlim=(0, self.signs.size), ylim=(-1.3, 1.3), yticks=[-1, 0, 1])

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import lru_cache
 from math import ceil
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
@@ -19,9 +18,10 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.arguments import checked
-from shipnet.arrays import Bools, Floats, Indices
-from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, check_columns
+from shipnet.arrays import Bools, Floats
+from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, Signs
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
+from shipnet.compiled import compiled
 from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import check_rng, check_scalar, number, record, switch
 from shipnet.lazy import Axes
@@ -37,21 +37,9 @@ MINIMUM = 0.45
 #: 3000; more would only cost time.
 _DT = (1e-9, 1e-6)
 
-#: Number of samples processed at a time, so that they and the results stay in a core's own cache.
-_SAMPLES = 2**18
-
-#: Number of taps above which an FFT filters faster than matrix products.
-_LONG = 64
-
-#: Number of blocks multiplied at a time, so that all stay in a core's own cache.
-_BLOCKS = 2**10
-
 #: The first pulse peaks within this many half-bits of the first sample above the minimum: one for
 #: the filtered pulse, which is two half-bits long, plus the delay of the supply's 78 ohm || 100 uH.
 _REACH = 1.25
-
-#: Time by which the first pulse of most telegrams has occurred [s].
-_EARLY = 16e-6
 
 #: Relative difference below which two heights count as equal, and voltage below which a sample
 #: counts as zero [V], so that no decision depends on rounding.
@@ -325,37 +313,121 @@ class Waveform(line_waveform.Waveform):
         return disturbance.voltage(self.t - self.start, amplitude, rng, size, span=span)
 
 
+@compiled
+def line_filter(u: Floats, taps: Floats) -> Floats:
+    """Return a voltage through a symmetric filter."""
+    n, half = len(u), len(taps) // 2
+    around = np.zeros(n + 2 * half)
+    around[half : half + n] = u
+    y = np.zeros(n)
+    for k in range(len(taps)):
+        y += taps[k] * around[k : k + n]
+    return y
+
+
+@compiled
+def listen(
+    u: Floats, taps: Floats, half_bit: float, n_bits: int, threshold: float, minimum: float,
+    window: int, near: int, even: float,
+) -> tuple[Signs, float, float, float, float]:  # fmt: skip
+    """Return the pulses of a telegram; first peak [samples], amplitude, weakest pulse, ringing.
+
+    The receiver filters the line voltage, whose mean is 0, waits for the first pulse and then looks
+    once per half-bit (ZMD AG, SAP5S/SAP51 data sheet, 2012, p. 31).
+    """
+    slots = np.zeros(2 * n_bits + 2, np.int8)
+    y, n = line_filter(u, taps), len(u)
+
+    first = 0
+    while first < n and abs(y[first]) <= minimum:  # wait for the first pulse ...
+        first += 1
+    if first == n:
+        return slots, np.nan, np.nan, np.nan, np.nan
+    sign = 1 if y[first] > 0 else -1
+    for i in range(first + 1, min(first + near, n)):  # ... and for its peak
+        if sign * y[i] > sign * y[first]:
+            first = i
+    height, peak = sign * y[first], float(first)
+    if 0 < first < n - 1:  # the top of a parabola through three samples
+        left, right = height - sign * y[first - 1], height - sign * y[first + 1]
+        if left >= 0 and right >= 0 and left + right > 0:
+            peak += 0.5 * (left - right) / (left + right)
+
+    slots[1] = sign
+    largest, weakest, ringing = height, height, 0.0
+    smallest = max(threshold * height, minimum)
+    begin = round(peak * 2**30) / 2**30  # without the last digits, which may round up or down
+    for k in range(1, 2 * n_bits + 1):  # then look once per half-bit
+        middle = round(begin + k * half_bit)
+        high, low = 0.0, 0.0
+        if middle < n:
+            for i in range(middle - window, min(middle + window + 1, n)):
+                high, low = max(high, y[i]), max(low, -y[i])
+        height = max(high, low)
+        if height > smallest:
+            slots[k + 1] = 1 if high > low * even else -1
+            weakest = min(weakest, height)
+        else:
+            ringing = max(ringing, height)
+        largest = max(largest, height)
+
+    # On the line, the pulse peaks a little later than after the symmetric filter.
+    amplitude, around = -np.inf, int(half_bit / 4)
+    for i in range(max(first - around, 0), min(first + around + 1, n)):
+        amplitude = max(amplitude, sign * u[i])
+    return slots, peak, amplitude, weakest / largest, ringing / largest
+
+
+@compiled
+def listen_to_rows(
+    u: Floats, mean: Floats, taps: Floats, half_bit: float, n_bits: int, threshold: float,
+    minimum: float, window: int, near: int, even: float,
+) -> tuple[Signs, Floats]:  # fmt: skip
+    """Return the pulses and the four numbers of each telegram."""
+    slots = np.zeros((len(u), 2 * n_bits + 2), np.int8)
+    numbers = np.zeros((4, len(u)))
+    for row in range(len(u)):
+        slots[row], numbers[0, row], numbers[1, row], numbers[2, row], numbers[3, row] = listen(
+            u[row] - mean[row], taps, half_bit, n_bits, threshold, minimum, window, near, even
+        )
+    return slots, numbers
+
+
+@compiled
+def filter_rows(u: Floats, mean: Floats, taps: Floats) -> Floats:
+    """Return each row, less its mean, through a symmetric filter."""
+    y = np.zeros(u.shape)
+    for row in range(len(u)):
+        y[row] = line_filter(u[row] - mean[row], taps)
+    return y
+
+
 def matched_filter(u: npt.ArrayLike, dt: float) -> Floats:
     r"""Filter the line voltage, less its mean, with the pulse shape, which is best in white noise.
 
     .. math:: y(t) = \frac{8}{3 T_h} \int_{-T_h/2}^{T_h/2}
               \cos^2 \frac{\pi \tau}{T_h} \; u(t + \tau) \, d\tau
     """
-    u = _checked(u, dt)
-    n_t = u.shape[-1]
-    rows = u.reshape(-1, n_t).astype(np.float64, copy=False)
-    return _columns(rows, _means(rows, n_t), _pulse_shape(n_t, dt), n_t)[:, :n_t].reshape(u.shape)
+    rows, mean = _rows(u, dt)
+    return filter_rows.run(rows.size, rows, mean, _pulse_shape(dt)).reshape(np.shape(u))
 
 
 def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Reception:
     """Receive telegrams of known length, one per row; `settings` are those of a receiver."""
     receiver = Receiver(**settings)
-    u = _checked(u, dt)
+    rows, mean = _rows(u, dt)
     _check_bit_count(n_bits)
-    n_t = u.shape[-1]
-    rows = u.reshape(-1, n_t)
-    # Rows that are not in double precision are copied.
-    chunk = max(1, _SAMPLES // (n_t if u.dtype == np.float64 else 2 * n_t))
-    parts = [
-        # `_decide` accesses samples by their position in memory.
-        _decide(np.ascontiguousarray(rows[begin : begin + chunk]), dt, n_bits, receiver)
-        for begin in range(0, max(1, len(rows)), chunk)
-    ]
-    *numbers, slots = (np.concatenate(field, axis=-1) for field in zip(*parts, strict=True))
-    bits, error = check_columns(slots)
-    error[np.isnan(numbers[0])] = SilenceError.code
-    fields = (np.ascontiguousarray(bits.T), error, *numbers, np.ascontiguousarray(slots.T))
-    return Reception(*(field.reshape(u.shape[:-1] + field.shape[1:]) for field in fields))
+    taps, half_bit = _pulse_shape(dt) if receiver.matched else np.ones(1), HALF_BIT / dt
+    slots, (peak, *heights) = listen_to_rows.run(
+        rows.size, rows, mean, taps, half_bit, n_bits, receiver.threshold * (1 + _EVEN),
+        max(receiver.minimum, _LEAST) * (1 + _EVEN), int(receiver.window * half_bit + 1e-9),
+        int(_REACH * half_bit) + 1, 1 + _EVEN,
+    )  # fmt: skip
+    bits, error = Pulses(slots).check()
+    error[np.isnan(peak)] = SilenceError.code
+    fields = (bits, error, peak * dt - 1.5 * HALF_BIT, *heights, slots)
+    shape = np.shape(u)
+    return Reception(*(field.reshape(shape[:-1] + field.shape[1:]) for field in fields))
 
 
 def _check_bit_count(n_bits: int) -> None:
@@ -366,7 +438,8 @@ def _check_bit_count(n_bits: int) -> None:
         )
 
 
-def _checked(u: npt.ArrayLike, dt: float) -> npt.NDArray[np.floating]:
+def _rows(u: npt.ArrayLike, dt: float) -> tuple[Floats, Floats]:
+    """Return voltages as rows in double precision, and the mean of each row."""
     if not _DT[0] <= dt <= _DT[1]:
         raise ArgumentError(
             f"dt is {dt} s; it must be {_DT[0]}..{_DT[1]} s, three samples or more per half-bit"
@@ -376,197 +449,23 @@ def _checked(u: npt.ArrayLike, dt: float) -> npt.NDArray[np.floating]:
         raise ArgumentError(f"u must be real voltages, but its dtype is {array.dtype}")
     if array.ndim == 0 or array.shape[-1] == 0:
         raise ArgumentError(f"u has shape {array.shape}; its last axis must not be empty")
-    return array
+    rows = np.ascontiguousarray(array.reshape(-1, array.shape[-1]), dtype=np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        mean = rows.mean(axis=1)
+    if not np.isfinite(mean).all():
+        row = rows[np.isfinite(mean).argmin()]
+        worst = int(np.where(np.isnan(row), np.inf, np.abs(row)).argmax())
+        raise ArgumentError(
+            f"u has {row[worst]} at sample {worst} of a row; voltages and their sum must be finite"
+        )
+    return rows, mean
 
 
-@lru_cache(maxsize=64)
-def _pulse_shape(n_t: int, dt: float) -> Floats:
-    """Return the taps of the matched filter."""
-    # The filter extends half a half-bit to each side; for a short record, its middle is enough.
-    half = min(ceil(HALF_BIT / dt / 2 - 1e-9) - 1, n_t - 1)
+def _pulse_shape(dt: float) -> Floats:
+    """Return the taps of the matched filter, which extends half a half-bit to each side."""
+    half = ceil(HALF_BIT / dt / 2 - 1e-9) - 1
     q = np.arange(-half, half + 1)
     return np.asarray(np.cos(np.pi * q * dt / HALF_BIT) ** 2 * (8 / 3 * dt / HALF_BIT))
-
-
-def _means(u: Floats, n_t: int) -> Floats:
-    """Return the mean of the first `n_t` samples of each row; all samples must be finite."""
-    # The sum of squares is the fastest check of all samples: it is finite only if they all are, and
-    # none is so large that a later sum or product could overflow.
-    flat = u.ravel()
-    with np.errstate(all="ignore"):
-        fine = np.isfinite(flat @ flat)
-    if not fine:
-        size = np.abs(flat)
-        worst = int(np.argmax(np.where(np.isnan(size), np.inf, size)))
-        raise ArgumentError(
-            f"u has {flat[worst]} at sample {worst % u.shape[1]} of a row; voltages must be "
-            "finite and below 1e150 V"
-        )
-    return np.asarray(u[:, :n_t] @ np.ones(n_t) / n_t)
-
-
-def _wider(u: npt.NDArray[np.floating], more: int) -> Floats:
-    """Return a copy of the rows, each followed by `more` zeros."""
-    wide = np.zeros((len(u), u.shape[1] + more))
-    wide[:, : u.shape[1]] = u
-    return wide
-
-
-def _columns(u: Floats, mean: Floats, taps: Floats, end: int, after: int = 0) -> Floats:
-    """Subtract the mean from each row, filter the first `end` samples, and add `after` zeros."""
-    count, half = len(u), len(taps) // 2
-    x = np.zeros((count, half + end + max(half, after)))
-    stop = min(u.shape[1], end + half)
-    np.subtract(u[:, :stop], mean[:, np.newaxis], out=x[:, half : half + stop])
-    if len(taps) == 1:
-        return x if taps[0] == 1 else taps * x
-    y = np.zeros((count, end + after))
-    if len(taps) > _LONG:
-        length = 1 << (x.shape[1] - 1).bit_length()
-        z = np.fft.irfft(np.fft.rfft(x, length) * np.fft.rfft(taps, length), length)
-        y[:, :end] = z[:, 2 * half : 2 * half + end]
-        return y
-    matrix = _band(taps.tobytes(), taps.dtype.str, max(16, len(taps)))
-    for low in range(0, end, matrix.shape[1]):
-        part = y[:, low : min(end, low + matrix.shape[1])]
-        length = part.shape[1] + 2 * half
-        np.matmul(x[:, low : low + length], matrix[:length, : part.shape[1]], out=part)
-    return y
-
-
-def filtered(
-    taps: npt.NDArray[Any],
-    x: npt.NDArray[Any],
-    size: int,
-    up: int = 1,
-    down: int = 1,
-    out: npt.NDArray[Any] | None = None,
-) -> npt.NDArray[Any]:
-    r"""Filter a row by block-wise matrix products; beyond its end, the row is taken to be 0.
-
-    .. math:: y_i = \sum_k h_{u k - d i} \, x_k, \qquad i = 0 \ldots size - 1
-    """
-    times = max(-(-16 // up), -(-len(taps) // (up * down)))
-    block, outputs = times * down, times * up
-    matrix = _band(taps.astype(x.dtype).tobytes(), x.dtype.str, outputs, up, down)
-    need = (-(-size // outputs) + 1) * block
-    if len(x) < need:
-        x = np.concatenate([x, np.zeros(need - len(x), x.dtype)])
-    blocks = x[:need].reshape(-1, block)
-    whole = (len(blocks) - 1) * outputs
-    y = (np.empty(whole, x.dtype) if out is None else out[:whole]).reshape(-1, outputs)
-    for k in range(0, len(y), _BLOCKS):
-        part = y[k : k + _BLOCKS]
-        np.matmul(blocks[k : k + len(part)], matrix[:block], out=part)
-        part += blocks[k + 1 : k + 1 + len(part), : len(matrix) - block] @ matrix[block:]
-    return y.ravel()[:size]
-
-
-@lru_cache(maxsize=64)
-def _band(taps: bytes, kind: str, outputs: int, up: int = 1, down: int = 1) -> npt.NDArray[Any]:
-    """Return the matrix that filters a run of samples."""
-    h = np.frombuffer(taps, kind)
-    samples = max(outputs * down, len(h) - 1 + (outputs - 1) * down + up) // up
-    tap = up * np.arange(samples)[:, np.newaxis] - down * np.arange(outputs)
-    return np.where((tap >= 0) & (tap < len(h)), h[np.clip(tap, 0, len(h) - 1)], 0).astype(kind)
-
-
-def _windows(rows: Floats, length: int, begin: Indices) -> Floats:
-    """Return runs of `length` samples that start at the flat indices `begin` of contiguous rows."""
-    shape = max(0, rows.size - length + 1), length
-    step = rows.strides[1:] * 2
-    return np.lib.stride_tricks.as_strided(rows, shape, step, writeable=False)[begin]
-
-
-def _near(u: Floats, places: Indices, reach: int, taps: Floats) -> Floats:
-    """Return filtered samples within `reach` of `places` (slot, row), along a new first axis."""
-    before, n_t = reach + len(taps) // 2, u.shape[1]
-    index = places + np.arange(-before, u.size - before, n_t)
-    if before == reach:
-        flat = u.ravel()
-        return np.stack([flat[k:].take(index, mode="clip") for k in range(2 * reach + 1)])
-    comb = _band(taps.tobytes(), taps.dtype.str, 2 * reach + 1)
-    # Row by row, because the samples of a row are close together in memory.
-    runs = _windows(u, len(comb), index.T.ravel())
-    return (comb.T @ runs.T).reshape(2 * reach + 1, *index.T.shape).swapaxes(1, 2)
-
-
-def _decide(
-    u: npt.NDArray[Any], dt: float, n_bits: int, receiver: Receiver
-) -> tuple[npt.NDArray[Any], ...]:
-    """Return start, amplitude, weakest, ringing and slots by row; slots have shape (slot, row)."""
-    # Only what is needed is filtered: the first columns, and samples near the middles of slots.
-    (count, n_t), samples = u.shape, HALF_BIT / dt
-    taps = _pulse_shape(n_t, dt) if receiver.matched else np.ones(1)
-    half, reach = len(taps) // 2, int(receiver.window * samples + 1e-9)
-    u = u if u.dtype == np.float64 else _wider(u, half + reach)
-    mean = _means(u, n_t)
-    minimum = max(receiver.minimum, _LEAST) * (1 + _EVEN)
-    last, near = n_t - 1, int(_REACH * samples) + 1
-    # Most telegrams begin early, so try the first samples before the whole record.
-    for end in (n_t if len(taps) > _LONG else min(n_t, int(_EARLY / dt)), n_t):
-        y = _columns(u[:, :n_t], mean, taps, end, near)
-        loud = np.abs(y[:, :end]) > minimum
-        start = loud.argmax(axis=-1)
-        silent = ~loud.ravel().take(start + np.arange(0, loud.size, end))
-        if not silent.any() and start.max(initial=0) + near < end:
-            break
-    flat, at = y.ravel(), start + np.arange(0, y.size, y.shape[1])
-    sign = np.sign(flat.take(at))
-    # Compare only samples of the same sign, because the next pulse may be larger.
-    top = (_windows(y, near, at) * sign[:, np.newaxis]).argmax(axis=-1)
-    start += top
-    at += top
-    first = flat.take(at)
-
-    # The top of a parabola through the largest sample and its neighbours.
-    left, right = ((first - flat.take(at + beside)) * sign for beside in (-1, 1))
-    inner = (start > 0) & (start < last) & (left >= 0) & (right >= 0) & (left + right > 0)
-    peak = start + np.divide(0.5 * (left - right), left + right, out=np.zeros(count), where=inner)
-
-    # Round, so that the last digits of a peak halfway between two samples do not matter.
-    even = np.rint(peak * 2**30) / 2**30
-    middle = np.rint(even + samples * np.arange(2 * n_bits + 1)[:, np.newaxis]).astype(np.intp)
-    farthest, inside = middle.max(initial=0) + reach, np.minimum(middle, last)
-    if end == n_t:
-        heard, level = _near(y, inside, reach, np.ones(1)), np.zeros(count)
-    else:
-        if farthest + half > last:
-            u = u if u.shape[1] > n_t else _wider(u, half + reach)
-            u[:, n_t:] = mean[:, np.newaxis]
-        heard, level = _near(u, inside, reach, taps), taps.sum() * mean
-    if farthest > last:
-        # Nothing is received after the end of the record.
-        offset = np.arange(-reach, reach + 1)[:, np.newaxis, np.newaxis]
-        np.copyto(heard, level, where=np.maximum(middle, middle + offset) > last)
-    # Use the sign with the larger magnitude. Slot 0, before the first pulse, does not count.
-    high, low = (np.ascontiguousarray(f(heard, axis=0)) for f in (np.max, np.min))
-    high -= level
-    np.subtract(level, low, out=low)
-    absolute, positive = np.maximum(high, low), high > low * (1 + _EVEN)
-    absolute[0], positive[0] = np.abs(first), first > 0
-    filled = absolute > np.maximum((1 + _EVEN) * receiver.threshold * absolute[0], minimum)
-    filled &= ~silent
-    slots = np.zeros((2 * n_bits + 2, count), dtype=np.int8)
-    np.multiply(2 * positive.view(np.int8) - 1, filled, out=slots[1:])
-
-    # The largest sample is a pulse, unless nothing was received.
-    largest = np.where(silent, np.nan, absolute.max(axis=0))
-    empty = ~filled
-    smallest = (absolute + 1e300 * empty).min(axis=0)
-    absolute *= empty
-    # On the line, the pulse peaks a little later than after the symmetric filter.
-    reach = int(samples / 4)
-    places = np.minimum(np.maximum(start + np.arange(-reach, reach + 1)[:, np.newaxis], 0), last)
-    around = u.ravel().take(places + np.arange(0, u.size, u.shape[1]))
-    amplitude = ((around - mean) * np.sign(first)).max(axis=0)
-    return (
-        np.where(silent, np.nan, peak * dt - 1.5 * HALF_BIT),
-        np.where(silent, np.nan, amplitude),
-        smallest / largest,
-        absolute.max(axis=0) / largest,
-        slots,
-    )
 
 
 class Eye(NamedTuple):
