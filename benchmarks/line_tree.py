@@ -67,7 +67,7 @@ def all_waveforms(samples, late=None, out=None):
 
     A caller may pass the arrays `late` (zeros at first) and `out`, to avoid allocating them anew.
     """
-    # As in `shipnet.asi.segment`, the voltage of a current step has faded after half of `DURATION`.
+    # On a lossless cable, the voltage of a current step has faded after half of `DURATION`.
     s = laplace_grid(DURATION / 2, F_MAX, 4.0)
     network = tree(LOSSLESS)
     z = network.transfer("master", s)[1:]

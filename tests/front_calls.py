@@ -253,6 +253,7 @@ def of_line():
         "end": 100.0, "a": "a", "b": "b", "length": 10.0, "node": "a", "name": "b", "root": "a",
         "spectrum": np.ones_like, "duration": 1e-5, "supply": "a", "voltage": 30.0,
         "currents": {"b": 0.1}, "longest": 5, "u": np.zeros(4), "dt": 1e-8, "path": "x.csv",
+        "parent": [-1, 0], "lines": [(), (-1j, 0, 100, 0.01)], "loads": [0, 0.02],
     }  # fmt: skip
     wave = line.Waveform(np.zeros(4), 1e-7)
     return good, {"Cable": line.CABLES["as-i 1.5"], "Network": network, "Waveform": wave}

@@ -11,6 +11,7 @@ import numpy as np
 from shipnet import datasets
 from shipnet.answers import COLUMNS
 from shipnet.asi.segment import Segment
+from shipnet.asi.slave import Slave
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Cycle, Transaction
 from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
@@ -133,12 +134,15 @@ def _line_rows(
 
 
 def _address_rows(line: tuple[Segment, ...]) -> Iterator[_Row]:
-    slaves = [slave for segment in line for slave in segment.slaves]
-    for slave in slaves:
+    slaves = [(slave.address, slave) for segment in line for slave in segment.slaves]
+    on_address: dict[int, list[Slave]] = {}
+    for address, slave in slaves:
+        on_address.setdefault(address, []).append(slave)
+    for address, slave in slaves:
         name = str(slave)
-        yield "address", name, slave.address, None, ""
+        yield "address", name, address, None, ""
         # A standard slave answers requests to either half.
-        same = [one for one in slaves if one.address == slave.address and one is not slave]
+        same = [one for one in on_address[address] if one is not slave]
         others = [one for one in same if None in (one.half, slave.half) or one.half == slave.half]
         yield "sharing", name, len(others), None, ", ".join(map(str, others))
         odd = (slave.half is not None) != slave.kind.extended

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from heapq import heappop, heappush
 from math import ceil
 from typing import Any, NamedTuple, TypeAlias
@@ -26,7 +26,7 @@ from shipnet.fields import check_scalar, number, part, record, text
 from shipnet.lazy import pd
 from shipnet.line.network import CableRun as CableRun
 from shipnet.line.network import Load, Network, check_node
-from shipnet.line.waveform import F_MAX, laplace_grid, record_of, synthesize
+from shipnet.line.waveform import F_MAX, record_of
 
 #: Decoupling of the power supply, 39 ohm || 50 uH in each wire: assumed, following IEC 62026-2.
 POWER_SUPPLY = Load(r=78.0, l=100e-6)
@@ -110,10 +110,6 @@ Element: TypeAlias = CableRun | Master | Supply | Slave | Terminator | Repeater
 #: the others have runs of ones or zeros, which are the most uneven. A test tries all requests.
 PROBES = ("01010101010101", "01111111111111", "00011111111111")
 
-#: Time after which the voltage of a current step counts as faded [s], the fraction that may remain
-#: then, and damping [nepers]; small damping reduces the error of the limited bandwidth.
-_FADED, _LEFT, _DAMPING = 32e-6, 1e-6, 4.0
-
 # Telegrams as voltages -------------------------------------------------------------------------
 
 
@@ -144,32 +140,19 @@ def telegram_voltages(
     rows = [network.index(node, "node") for node in nodes]
 
     def change(s: Complexes) -> Complexes:
-        return np.asarray(network.transfer(master, s)[..., rows, :] * _sent(before, s.tobytes()))
+        heard = network.transfer(master, s)[..., rows, :]
+        heard *= -SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before)
+        return heard
 
-    # A telegram is a sequence of equal current steps. The voltage of a step soon decays if there is
-    # a supply; if it keeps ringing, it is computed for the length of the longest record.
-    short = ceil((before + _FADED) / dt)
-    grid = short * dt, f_max, _DAMPING
-    heard = synthesize(change(laplace_grid(*grid)), short, short * dt, _DAMPING)
-    size = np.abs(heard)
-    if (size[:, -short // 8 :].max(axis=1) > _LEFT * size.max(axis=1)).any():
-        heard = record_of(change, max(sizes), dt, f_max)
+    # A telegram is a sequence of equal current steps.
+    heard = record_of(change, max(sizes), dt, f_max)
     found = []
     for steps, n_t in zip(many, sizes, strict=True):
         changes = np.zeros((len(nodes), steps.shape[1], n_t))
         for place in range(steps.shape[1]):
-            late = changes[:, place, place * slot :]
-            length = min(late.shape[1], heard.shape[1])
-            late[:, :length] = heard[:, :length]
+            changes[:, place, place * slot :] = heard[:, : n_t - place * slot]
         found.append(np.asarray(steps @ changes))
     return found
-
-
-@lru_cache(maxsize=16)
-def _sent(before: float, frequencies: bytes) -> Complexes:
-    """Return the spectrum of a step of a sender's current at the time `before`."""
-    s = np.frombuffer(frequencies, complex)
-    return np.asarray(-SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before))
 
 
 class Quality(NamedTuple):

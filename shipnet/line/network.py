@@ -16,13 +16,16 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity, check_quantity, check_trees, record
 from shipnet.lazy import Axes
 from shipnet.line.cable import CABLES, Cable, Valued
-from shipnet.line.solver import Rooted, check_frequencies, closed_transfer, tree_transfer
+from shipnet.line.solver import Rooted, check_frequencies, fold, transfer
 
 #: Legal lengths [m]: a shorter run would in effect be a single node, and no field bus is longer.
 SHORTEST, LONGEST = 1e-6, 1e6
 
 #: Legal values of a load [ohm, H, F].
 LEAST, MOST = 1e-18, 1e18
+
+#: Number of trees times frequencies that are computed at a time, to bound the memory for lines.
+_BLOCK = 1 << 13
 
 #: Largest magnitude of DC current and voltage [A, V].
 _MOST_DC = 1e9
@@ -283,6 +286,9 @@ class Network:
             raise ArgumentError(f"no cable leads from node {root!r} to {', '.join(lost)}")
         return Rooted(order, parent, above)
 
+    #: How `transfer` computes a tree, as plain numbers or arrays.
+    fold = staticmethod(fold)
+
     def transfer(
         self, root: str, s: npt.ArrayLike, to: str | None = None
     ) -> npt.NDArray[np.complex128]:
@@ -293,19 +299,18 @@ class Network:
         [rad/s]; no real part may be negative. A ring takes two or three times as long as a tree.
         """
         bins = check_frequencies(s)
-        pieces = [(run.made_of, run.length) for run in self.runs]
-        shunts, trees = self.shunts(), self._trees or 1
-
-        def sweep(node: str) -> npt.NDArray[np.complex128]:
-            return tree_transfer(self.rooted(node), pieces, shunts, bins, trees)
-
-        z = sweep(root)
-        if self.ring is not None:
-            a, b = self.ring.a, self.ring.b
-            from_ends = (z if a == root else sweep(a)), (z if b == root else sweep(b))
-            closing = self.ring.made_of, self.ring.length
-            z = closed_transfer(z, from_ends, (self.index(a), self.index(b)), closing, bins)
-        z = z if self._trees else z[0]
+        pieces, shunts = [(run.made_of, run.length) for run in self.runs], self.shunts()
+        roots, ring = [root], None
+        if self._ring is not None:
+            a, b = self.runs[self._ring].a, self.runs[self._ring].b
+            roots, ring = [root, a, b], (self._ring, self.index(a), self.index(b))
+        trees = [self.rooted(node) for node in dict.fromkeys(roots)]
+        z = np.empty((len(self.nodes), self._trees or 1, bins.size), dtype=complex)
+        step = max(1, _BLOCK // (self._trees or 1))
+        for part in (slice(k, k + step) for k in range(0, bins.size, step)):
+            for node, v in transfer(trees, pieces, shunts, bins[part], ring).items():
+                z[node, :, part] = v
+        z = z.swapaxes(0, 1) if self._trees else z[:, 0]
         return z if to is None else z[..., self.index(to, "to"), :]
 
     def operating_point(

@@ -1,37 +1,31 @@
-"""Transfer impedances of trees and rings, computed with arrays.
+"""Transfer impedances of trees and rings of cables.
 
-With e = exp(-gamma length), C = 1 + e^2 and S = 1 - e^2 are a line's hyperbolic cosine and sine
-times 2 e; they neither overflow on a long line nor lose digits on a short one. A line transforms
-the admittance Y at its far end and divides the voltage, without a pole at any frequency:
+A line of length l with series impedance z and shunt admittance y per metre has the propagation
+constant gamma = sqrt(z y), the characteristic impedance Zc = z / gamma and a chain (ABCD) matrix:
 
-    Y_near = Yc (Y C + Yc S) / (Yc C + Y S),      V_far / V_near = 2 e Yc / (Yc C + Y S).
+    V_near = A V_far + B I_far,    A = D = cosh(gamma l),    B = Zc sinh(gamma l),
+    I_near = C V_far + D I_far,    C = sinh(gamma l) / Zc.
 
-A sweep from the leaves of a tree to its root transforms all admittances, those of equal subtrees
-only once; a sweep back multiplies the voltage ratios. A ring needs sweeps from its root and
-from both ends of its closing line.
+(D. M. Pozar, Microwave Engineering, 4th ed., table 4.1.) With e = exp(-gamma l), the hyperbolic
+cosine is (1 + e^2) / 2e and the sine (1 - e^2) / 2e. We use the matrix times e, whose elements do
+not overflow on a long line.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from collections import Counter
-from collections.abc import Sequence
-from itertools import pairwise, product
-from typing import Any, NamedTuple
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Complexes, Floats, Indices
+from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity
 from shipnet.line.cable import Cable
 
-#: Cable and length [m] of each run of a network.
-Pieces = Sequence[tuple[Cable, Quantity]]
-
-#: Index of rows: a slice if they are consecutive or all the same.
-Rows = slice | Indices
+#: Factors e, A e, B e [ohm] and C e [S] of a line, numbers or arrays of equal shape.
+Chain: TypeAlias = tuple[Any, Any, Any, Any]
 
 #: Legal moduli of a complex frequency [rad/s].
 _LOWEST, _HIGHEST = 1e-9, 1e15
@@ -55,84 +49,54 @@ def check_frequencies(s: npt.ArrayLike) -> Complexes:
     return array.astype(complex)
 
 
-def rows_of(numbers: list[int]) -> Rows:
-    """Return row numbers as an index: a slice if they are consecutive or all the same."""
-    first, last = numbers[0], numbers[-1]
-    if len(numbers) == 1 or all(number == first for number in numbers):
-        return slice(first, first + 1)
-    if numbers == list(range(first, last + 1)):
-        return slice(first, last + 1)
-    return np.array(numbers)
+class Waves(NamedTuple):
+    """Constants of the waves on a cable, by frequency or by tree and frequency."""
+
+    gamma: Complexes  # propagation constant [1/m]
+    z0: Complexes  # characteristic impedance [ohm]
+    y0: Complexes  # its reciprocal [S]
+
+    @classmethod
+    def of(cls, cable: Cable, s: Complexes) -> Waves:
+        """Return the waves on a cable at complex frequencies s."""
+        z, y = cable.series_impedance(s), cable.shunt_admittance(s)
+        gamma = np.sqrt(z * y)
+        return cls(gamma, z / gamma, y / gamma)
+
+    def faded(self, length: Quantity) -> Complexes:
+        """Return 1 - e for a line of this length [m], with all digits if the line is short."""
+        return np.asarray(-np.expm1(-self.gamma * np.expand_dims(length, -1)))
+
+    def chain(self, length: Quantity) -> Chain:
+        """Return e and the chain matrix times e."""
+        faded = self.faded(length)
+        sine = faded * (1 - faded / 2)  # (1 - e^2) / 2
+        return 1 - faded, 1 - sine, self.z0 * sine, self.y0 * sine
 
 
-def part_of_trees(array: npt.NDArray[Any], trees: slice) -> npt.NDArray[Any]:
-    """Return the part of an array for some trees of a Monte Carlo simulation."""
-    return array if array.shape[1] == 1 else array[:, trees]
+def fold(parent: Sequence[int], lines: Sequence[Chain], loads: Sequence[Any]) -> list[Any]:
+    """Return the voltage at each node of a tree [V] when 1 A flows into its root, node 0.
 
+    `parent` is the node above each node. `lines` contains e, A e, B e and C e of the line to it,
+    where e = exp(-gamma length), A = cosh(gamma length), B = Zc sinh(gamma length) [ohm] and
+    C = sinh(gamma length) / Zc [S]. `loads` are the admittances at the nodes [S].
 
-class Lines:
-    """The distinct lines of a network; each pair of cable and length is computed once."""
+    A line of a quarter wave and 100 ohm has e = -1j; it transforms 50 ohm into 200 ohm:
 
-    def __init__(self, pieces: Pieces, s: Complexes) -> None:
-        kinds: dict[tuple[int, float | int], int] = {}
-        cables: dict[int, int] = {}
-        length, z, y = [], [], []
-        self.kind: list[int] = []
-        self.cable: list[int] = []
-        for cable, metres in pieces:
-            key = (id(cable), metres if isinstance(metres, float) else -id(metres))
-            if key not in kinds:
-                kinds[key] = len(kinds)
-                if id(cable) not in cables:
-                    cables[id(cable)] = len(cables)
-                    z.append(np.atleast_2d(cable.series_impedance(s)))
-                    y.append(np.atleast_2d(cable.shunt_admittance(s)))
-                self.cable.append(cables[id(cable)])
-                length.append(np.atleast_1d(metres))
-            self.kind.append(kinds[key])
-        series, shunt = np.stack(np.broadcast_arrays(*z)), np.stack(np.broadcast_arrays(*y))
-        gamma = np.sqrt(series * shunt)
-        self._length = np.stack(np.broadcast_arrays(*length))[:, :, np.newaxis]
-        self._loss, self._phase = np.ascontiguousarray(gamma.real), np.ascontiguousarray(gamma.imag)
-        self._y0, self._z0 = shunt / gamma, series / gamma
-        self.trees = max(self._length.shape[1], gamma.shape[1])
-
-    def waves(
-        self, kinds: list[int], trees: slice, bins: slice
-    ) -> tuple[Complexes, Complexes, Complexes, Complexes, Complexes]:
-        """Return 2 e, C, S, Yc [S] and Zc [ohm], each of shape (kinds or 1, trees or 1, bins)."""
-        cable = rows_of([self.cable[kind] for kind in kinds])
-        length = part_of_trees(self._length, trees)[kinds]
-        shrink = np.expm1(part_of_trees(self._loss, trees)[cable, :, bins] * -length)
-        # The tangent of half the angle gives sine and cosine in a fifth of the time of exp.
-        tangent = np.tan(part_of_trees(self._phase, trees)[cable, :, bins] * (length / 2))
-        sine = (2 + 2 * shrink) / (1 + tangent * tangent) * tangent
-        x = np.empty(sine.shape, dtype=complex)
-        x.real = shrink - sine * tangent
-        x.imag = -sine
-        # Now x = e - 1, and e^2 - 1 = x (x + 2).
-        minus_s = x * (x + 2)
-        y0, z0 = (part_of_trees(wave, trees)[cable, :, bins] for wave in (self._y0, self._z0))
-        return 2 * x + 2, minus_s + 2, -minus_s, y0, z0
-
-
-def _admittances(shunts: Floats, trees: slice, s: Complexes) -> Complexes:
-    """Return the admittances of the nodes' loads, shape (nodes, trees or 1, bins)."""
-    conductance, per_henry, capacitance = (
-        part_of_trees(kind, trees)[..., np.newaxis] for kind in shunts
-    )
-    y = capacitance * s
-    y += conductance
-    y += per_henry * (1 / s)
-    return np.asarray(y)
-
-
-#: Number of elements of a sweep's arrays, for one tree and for many. Larger arrays exceed the
-#: cache, and the operating system clears them at every call; a call for many trees reuses them.
-_BLOCK, _BLOCK_TREES = 1 << 15, 1 << 18
-
-#: Number of elements for which hyperbolic functions are computed at a time.
-_STRIP = 1 << 13
+    >>> fold([-1, 0], [None, (-1j, 0, 100, 0.01)], [0, 1 / 50])
+    [200.0, -100j]
+    """
+    # Fold the admittances from the leaves to the root, then let the voltages run out.
+    y, v = list(loads), list(loads)
+    for node in range(len(y) - 1, 0, -1):
+        e, a, b, c = lines[node]
+        inverse = 1 / (a + b * y[node])
+        y[parent[node]] = y[parent[node]] + (c + a * y[node]) * inverse
+        v[node] = e * inverse
+    v[0] = 1 / y[0]
+    for node in range(1, len(y)):
+        v[node] = v[node] * v[parent[node]]
+    return v
 
 
 class Rooted(NamedTuple):
@@ -143,142 +107,80 @@ class Rooted(NamedTuple):
     run: list[int]  # index of the run to the parent; -1 for the root
 
 
-class _Height(NamedTuple):
-    """The distinct subtrees of one height, each with the line above it."""
+def close(
+    v: dict[int, Complexes],
+    from_ends: dict[int, dict[int, Complexes]],
+    waves: Waves,
+    length: Quantity,
+) -> dict[int, Complexes]:
+    """Return the transfer impedances of a tree after a line has joined two of its nodes, a and b.
 
-    own: slice  # the rows of these subtrees
-    line: Rows  # rows of their lines in the table of lines
-    joints: list[tuple[int, int, int]]  # row of parent, index of branch, count
+    `from_ends` contains the transfer impedances of the tree from a and from b. The waves that enter
+    the line at its ends are two unknowns at each frequency. Let u be the sum of their voltages and
+    i the difference of their currents; then
 
-
-class _Subtrees(NamedTuple):
-    """The distinct subtrees of a tree, one per row, leaves first."""
-
-    row: list[int]  # row of the subtree at each place of the order
-    node: list[int]  # for each row, a node at which its subtree begins
-    heights: list[_Height]  # all but the tree itself, which is the last row
-    table: list[int]  # kinds of lines that occur
-
-
-def _subtrees(tree: Rooted, kind: list[int], shunts: Floats) -> _Subtrees:
-    """Find the distinct subtrees, which differ in their line, load or branches."""
-    loads = [load.tobytes() for load in shunts.swapaxes(0, 1)]
-    found: dict[tuple[int, bytes, tuple[int, ...]], int] = {}
-    first: list[int] = []
-    height: list[int] = []
-    which: list[int] = [0] * len(tree.order)
-    branches: list[list[int]] = [[] for _ in tree.order]
-    for place in range(len(tree.order) - 1, -1, -1):
-        parts = tuple(sorted(branches[place]))
-        key = kind[tree.run[place]] if place else -1, loads[tree.order[place]], parts
-        number = found.setdefault(key, len(found))
-        if number == len(first):
-            first.append(tree.order[place])
-            height.append(1 + max([height[part] for part in parts], default=-1))
-        which[place] = number
-        if place:
-            branches[tree.parent[place]].append(number)
-
-    order = sorted(range(len(found)), key=height.__getitem__)
-    row = {number: k for k, number in enumerate(order)}
-    joints: list[list[tuple[int, int, int]]] = [[] for _ in range(height[order[-1]])]
-    begin = [bisect_left(order, h, key=height.__getitem__) for h in range(len(joints) + 1)]
-    lines = [0] * len(order)
-    for (line, _, parts), number in found.items():
-        lines[row[number]] = line
-        for part, times in Counter(parts).items():
-            joints[height[part]].append((row[number], row[part] - begin[height[part]], times))
-    table = {line: k for k, line in enumerate(dict.fromkeys(lines[:-1]))}
-    heights = [
-        _Height(slice(low, high), rows_of([table[line] for line in lines[low:high]]), some)
-        for (low, high), some in zip(pairwise(begin), joints, strict=True)
-    ]
-    return _Subtrees([row[k] for k in which], [first[k] for k in order], heights, list(table))
-
-
-def slices(size: int, step: int) -> list[slice]:
-    """Divide a range into parts of nearly equal length."""
-    parts = -(-size // max(1, step))
-    return [slice(*cut) for cut in pairwise(size * part // parts for part in range(parts + 1))]
-
-
-def tree_transfer(
-    tree: Rooted, pieces: Pieces, shunts: Floats, s: Complexes, trees: int
-) -> Complexes:
-    """Return root-to-node transfer impedances [ohm], shape (trees, nodes, bins)."""
-    lines = Lines(pieces, s)
-    subtrees = _subtrees(tree, lines.kind, shunts)
-    table, shunts, rows = subtrees.table, shunts[:, subtrees.node], len(subtrees.node)
-
-    row = max(1, (_BLOCK if trees == 1 else _BLOCK_TREES) // rows)
-    blocks = slices(trees, row // s.size), slices(s.size, row)
-    count, size = (max(part.stop - part.start for part in parts) for parts in blocks)
-    y_and_v = np.empty((2, rows, count, size), dtype=complex)
-    terms = np.empty((4, len(table), min(count, lines.trees), size), dtype=complex)
-    strips = slices(len(table), _STRIP // (terms.shape[2] * size))
-    # Nodes are the first axis in memory, so that the values of each node are contiguous.
-    z = np.empty((len(tree.order), trees, s.size), dtype=complex)
-    for some, bins in product(*blocks):
-        count, size = some.stop - some.start, bins.stop - bins.start
-        y, v = y_and_v[:, :, :count, :size]
-        own = terms[:, :, :count, :size]
-        for strip in strips:
-            own[3, strip], own[1, strip], sinh, y0, z0 = lines.waves(table[strip], some, bins)
-            np.multiply(z0, sinh, out=own[0, strip])
-            np.multiply(y0, sinh, out=own[2, strip])
-        _fold(subtrees.heights, own, _admittances(shunts, some, s[bins]), y, v)
-        ratio, voltage = list(v), list(z[:, some, bins])
-        np.reciprocal(y[-1], out=voltage[tree.order[0]])
-        for place in range(1, len(tree.order)):
-            above = voltage[tree.order[tree.parent[place]]]
-            np.multiply(ratio[subtrees.row[place]], above, out=voltage[tree.order[place]])
-    return z.swapaxes(0, 1)
-
-
-def _fold(
-    heights: list[_Height], terms: Complexes, loads: Complexes, y: Complexes, v: Complexes
-) -> None:
-    """Write the admittances of nodes with branches into y and the voltage ratios into v."""
-    # The terms are Zc S, C, Yc S and 2 e of the lines.
-    joined = set()
-    for height, (own, line, joints) in enumerate(heights):
-        # Denominator and numerator, both divided by Yc, at once: Y Zc S + C and Y C + Yc S.
-        both = (y if height else loads)[own] * terms[:2, line]
-        both += terms[1:3, line]
-        inverse, folded = both
-        np.reciprocal(inverse, out=inverse)
-        np.multiply(terms[3, line], inverse, out=v[own])
-        folded *= inverse
-        for whole, part, times in joints:
-            before = y if whole in joined else loads
-            more = folded[part] if times == 1 else times * folded[part]
-            np.add(before[whole], more, out=y[whole])
-            joined.add(whole)
-
-
-def closed_transfer(
-    z: Complexes,
-    from_ends: tuple[Complexes, Complexes],
-    ends: tuple[int, int],
-    closing: tuple[Cable, Quantity],
-    s: Complexes,
-) -> Complexes:
-    """Return transfer impedances after a line has joined two nodes of the tree.
-
-    `from_ends` contains the tree's transfer impedances from each end of the line. The sum of the
-    end voltages drives equal currents into both ends, and their difference drives opposite ones:
-    two unknowns at each frequency.
+        v_a + v_b = (1 + e) u,     i_a + i_b = (1 - e) u / Zc,
+        v_a - v_b = (1 - e) Zc i,  i_a - i_b = (1 + e) i.
     """
-    from_a, from_b = from_ends
-    a, b = ends
-    e2, _, sinh, (y0,), (z0,) = Lines([closing], s).waves([0], slice(None), slice(None))
-    tanh = sinh[0] / (1 + e2[0] / 2) ** 2  # of half the line
-    y, ohms = y0 * tanh / 2, 2 * z0 * tanh
-    both, between = z[:, a] + z[:, b], z[:, a] - z[:, b]
-    aa, ab, bb = from_a[:, a], from_a[:, b], from_b[:, b]
-    own, other, skew = 1 + y * (aa + 2 * ab + bb), ohms + aa - 2 * ab + bb, aa - bb
-    determinant = own * other - y * skew * skew
-    equal = y * (both * other - skew * between) / determinant
-    opposite = (own * between - skew * y * both) / determinant
-    at_a, at_b = equal + opposite, equal - opposite
-    return np.asarray(z - from_a * at_a[:, np.newaxis] - from_b * at_b[:, np.newaxis])
+    (a, from_a), (b, from_b) = from_ends.items()
+    less = waves.faded(length)  # 1 - e
+    more = 2 - less
+    aa, ab, bb = from_a[a], from_a[b], from_b[b]
+    # m11 u + m12 i and m21 u + m22 i are the sum and the difference of the tree's v_a and v_b.
+    m11, m12 = more + (aa + 2 * ab + bb) * less * waves.y0 / 2, (aa - bb) * more / 2
+    m21, m22 = (aa - bb) * less * waves.y0 / 2, less * waves.z0 + (aa - 2 * ab + bb) * more / 2
+    sum_v, difference = v[a] + v[b], v[a] - v[b]
+    determinant = m11 * m22 - m12 * m21
+    u = (m22 * sum_v - m12 * difference) / determinant
+    i = (m11 * difference - m21 * sum_v) / determinant
+    i_a, i_b = (less * waves.y0 * u + more * i) / 2, (less * waves.y0 * u - more * i) / 2
+    return {node: v[node] - from_a[node] * i_a - from_b[node] * i_b for node in v}
+
+
+def transfer(
+    trees: Sequence[Rooted],
+    pieces: Sequence[tuple[Cable, Quantity]],
+    shunts: Floats,
+    s: Complexes,
+    ring: tuple[int, int, int] | None,
+) -> dict[int, Complexes]:
+    """Return the transfer impedance [ohm] between the root and each node of a network, by node.
+
+    The first of `trees` begins at the root. `ring` is the index of the piece that closes a ring and
+    of the nodes at its ends, at each of which one of `trees` must begin.
+    """
+    cables = [id(cable) for cable, _ in pieces]
+    lengths = [length if isinstance(length, float) else id(length) for _, length in pieces]
+    waves = _once(Waves.of, ((cable, s) for cable, _ in pieces), cables)
+    parts = [(on, length) for on, (_, length) in zip(waves, pieces, strict=True)]
+    lines = _once(Waves.chain, parts, zip(cables, lengths, strict=True))
+    each = shunts.swapaxes(0, 1)
+    loads = _once(_admittance, ((load, s) for load in each), (load.tobytes() for load in each))
+
+    found = {}
+    for order, parent, run in trees:
+        v = fold(parent, [lines[k] for k in run], [loads[node] for node in order])
+        found[order[0]] = dict(zip(order, v, strict=True))
+    own = found[trees[0].order[0]]
+    if ring is None:
+        return own
+    closing, a, b = ring
+    return close(own, {a: found[a], b: found[b]}, *parts[closing])
+
+
+def _admittance(load: Floats, s: Complexes) -> Complexes:
+    g, per_henry, c = load[..., np.newaxis]
+    return np.asarray(g + per_henry / s + c * s)
+
+
+def _once(
+    function: Callable[..., Any], arguments: Iterable[tuple[Any, ...]], keys: Iterable[Hashable]
+) -> list[Any]:
+    """Call a function with each of several arguments, but only once for those with equal keys."""
+    found: dict[Hashable, Any] = {}
+    results = []
+    for key, some in zip(keys, arguments, strict=True):
+        if key not in found:
+            found[key] = function(*some)
+        results.append(found[key])
+    return results
