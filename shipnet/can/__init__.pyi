@@ -1,3 +1,4 @@
+from . import bus as bus
 from . import faults as faults
 from .analysis import Analysis as Analysis
 from .analysis import LogComparison as LogComparison
