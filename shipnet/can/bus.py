@@ -18,6 +18,8 @@ array([      0, 3000000, 6000000, 9000000,      -1, 1000000, 5000000,
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 
 from shipnet.arrays import Floats, Integers
@@ -28,6 +30,9 @@ __all__ = ["releases", "send"]
 #: Error counts at which a node becomes error passive and bus off: Bosch, CAN specification 2.0,
 #: part B, section 8.
 PASSIVE, BUS_OFF = 128, 256
+
+#: Number, start, end and disturbed bit of a destroyed frame; its sender's TEC and REC afterwards.
+Failure: TypeAlias = tuple[int, int, int, int, int, int]
 
 
 @compiled
@@ -94,17 +99,17 @@ def send_disturbed(
     release: Integers, first: Integers, length: Integers, horizon: int, owner: Integers, bit: int,
     passive: int, bus_off: int, instants: Integers, rate: Floats, span: Integers,
     rng: np.random.Generator,
-) -> tuple[Integers, list[tuple[int, ...]], Integers, Integers]:  # fmt: skip
+) -> tuple[Integers, list[Failure], Integers, Integers]:  # fmt: skip
     """Return what `send` returns, the destroyed frames, and each node's error counters TEC and REC.
 
-    Message m belongs to node ``owner[m]``. `passive` and `bus_off` are the counts at which a node
-    becomes so. Bits are disturbed at `instants`, the last of which is
-    never reached, and with a probability `rate` each from ``span[:, 0]`` to ``span[:, 1]``. A
-    destroyed frame is given as its number, start, end, disturbed bit, and its sender's TEC and REC
-    afterwards. Source: Bosch, CAN specification 2.0, 1991, part B, sections 3.2.5 and 8.
+    Message m belongs to node ``owner[m]``; a node is error passive from the count `passive` and bus
+    off from `bus_off`. Bits are disturbed at `instants`, of which the last is never reached, and
+    with probability ``rate[f]`` each from ``span[f, 0]`` to ``span[f, 1]``. Source: Bosch, CAN
+    specification 2.0, 1991, part B, sections 3.2.5 and 8.
     """
     intermission, error_frame, suspend, sequence = 3 * bit, 23 * bit, 8 * bit, 11 * bit
-    start, failures = np.full(len(release), -1), []
+    start = np.full(len(release), -1)
+    failures: list[Failure] = []
     head = first[:-1].copy()
     due = release[head]
     tec, rec, missing, ready = np.zeros((4, owner.max() + 1), np.int64)

@@ -15,7 +15,7 @@ from shipnet import style
 from shipnet.answers import Utilisation
 from shipnet.arguments import checked
 from shipnet.arrays import Floats, Integers
-from shipnet.can.bus import BUS_OFF, PASSIVE, releases, send, send_disturbed, send_sets
+from shipnet.can.bus import BUS_OFF, PASSIVE, Failure, releases, send, send_disturbed, send_sets
 from shipnet.can.faults import BitErrors, ErrorAt, Simulated
 from shipnet.can.frame import check_bit_rate
 from shipnet.can.log import Log
@@ -296,7 +296,7 @@ def simulate(
         release[real] += delay
         for begin, end in pairwise(first):
             np.maximum.accumulate(release[begin:end], out=release[begin:end])
-    failures: list[tuple[int, ...]] = []
+    failures: list[Failure] = []
     steps = frames * len(messages) / 2  # half of the messages are asked before one is found
     if several:
         instants = sorted(nanoseconds(one.time) for one in several if isinstance(one, ErrorAt))
