@@ -72,6 +72,8 @@ def main():
     rates = {
         "simpy": LOOPED / seconds(lambda: peer(messages, LOOPED)),
         "simulate": SINGLE / seconds(lambda: simulate(messages, BIT_RATE, until=SINGLE)),
+        "with its table": SINGLE
+        / seconds(lambda: simulate(messages, BIT_RATE, until=SINGLE).table()),
         "with errors": SINGLE
         / seconds(lambda: simulate(messages, BIT_RATE, until=SINGLE, faults=noise, rng=rng)),
         "simulate_batch": SETS

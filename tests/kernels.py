@@ -36,6 +36,57 @@ def receivers(draw, rows=None):
 _SIGNS = st.integers(-1, 1)
 _PULSES = st.sampled_from([16, 30])
 
+
+#: Largest simulated time of a bus [ns], with room for one period and the longest jitter.
+LATEST = 10**15
+
+
+@st.composite
+def can_messages(draw):
+    """Draw offsets, periods, lengths and horizon of one to five messages on a CAN bus [ns]."""
+    number = draw(st.integers(1, 5))
+    unit = draw(st.sampled_from([1, 1000, LATEST // 3000]))
+
+    def times(low, high):
+        return unit * np.array(draw(st.lists(st.integers(low, high), min_size=number,
+                                             max_size=number)), dtype=np.int64)  # fmt: skip
+
+    return times(0, 400), times(60, 900), times(47, 160), unit * draw(st.integers(1, 3000))
+
+
+@st.composite
+def can_queues(draw):
+    """Draw releases, the first of each message, lengths and horizon."""
+    offset, _, length, horizon = draw(can_messages())
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    several = [np.sort(first + rng.integers(0, horizon, rng.integers(0, 20))) for first in offset]
+    release = np.concatenate([np.append(one, 3 * LATEST) for one in several])
+    first = np.cumsum([0, *(one.size + 1 for one in several)])
+    return release, first, length, horizon
+
+
+@st.composite
+def can_sets(draw):
+    """Draw several sets of offsets, periods, lengths and horizon."""
+    offset, period, length, horizon = draw(can_messages())
+    return np.array([offset, offset[::-1], 0 * offset]), period, length, horizon
+
+
+@st.composite
+def can_disturbances(draw):
+    """Draw a bus with errors, on which nodes become passive and bus off."""
+    release, first, length, horizon = draw(can_queues())
+    bit = max(1, int(length.min()) // 47)
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    owner = rng.integers(0, 3, len(length))
+    instants = np.append(np.sort(rng.integers(0, horizon, 60)), 2**62)
+    rate = np.array(draw(st.lists(st.sampled_from([1e-18, 1e-3, 0.1, 0.4, 0.5]), max_size=2)))
+    span = np.array([(horizon // 5, 2**62) for _ in rate], dtype=np.int64).reshape(-1, 2)
+    limits = draw(st.sampled_from([(128, 256), (3, 9)]))
+    length = length // bit * bit
+    return release, first, length, horizon, owner, bit, *limits, instants, rate, span, rng
+
+
 #: A strategy of argument tuples by the full name of the kernel.
 ARGUMENTS: dict[str, st.SearchStrategy[tuple]] = {
     "shipnet.asi.modulation.violated": _PULSES.flatmap(
@@ -48,4 +99,8 @@ ARGUMENTS: dict[str, st.SearchStrategy[tuple]] = {
     "shipnet.asi.receiver.line_filter": receivers().map(lambda drawn: drawn[:2]),
     "shipnet.asi.receiver.listen": receivers(),
     "shipnet.asi.receiver.listen_to_rows": receivers(st.integers(0, 3)),
+    "shipnet.can.bus.releases": can_messages().map(lambda drawn: (*drawn[:2], drawn[3])),
+    "shipnet.can.bus.send": can_queues(),
+    "shipnet.can.bus.send_sets": can_sets(),
+    "shipnet.can.bus.send_disturbed": can_disturbances(),
 }

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,13 +14,13 @@ import numpy.typing as npt
 from shipnet import style
 from shipnet.answers import Utilisation
 from shipnet.arguments import checked
-from shipnet.arrays import Bools, Floats, Integers
-from shipnet.can.bus import Failure, Nodes, Releases, send, send_batch
+from shipnet.arrays import Floats, Integers
+from shipnet.can.bus import BUS_OFF, PASSIVE, Failure, releases, send, send_disturbed, send_sets
 from shipnet.can.faults import BitErrors, ErrorAt, Simulated
 from shipnet.can.frame import check_bit_rate
 from shipnet.can.log import Log
 from shipnet.can.messages import MessageSet, counted, message_lengths
-from shipnet.clock import as_faults, nanoseconds
+from shipnet.clock import NEVER, as_faults, nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar
 from shipnet.lazy import Axes, pd
@@ -49,11 +51,50 @@ class Run:
     bit_rate: float
     until: float
     faults: tuple[Simulated, ...]
-    load: float
-    _events: pd.DataFrame
-    _table: pd.DataFrame
-    _errors: pd.DataFrame
-    _nodes: pd.DataFrame
+    _columns: _Columns
+    #: Arrival, release and start of each frame [ns], and its message, as in `shipnet.can.bus`.
+    _arrival: Integers
+    _release: Integers
+    _start: Integers
+    _first: Integers
+    #: One row per destroyed frame, and TEC and REC of each node.
+    _failures: Integers
+    _counters: tuple[Integers, Integers]
+
+    @cached_property
+    def load(self) -> float:
+        """Fraction of the time that the bus was busy."""
+        length = np.repeat(self._columns.length, np.diff(self._first))
+        sent = self._start >= 0
+        _, start, free, *_ = self._failures.T
+        # The last frame may end after the horizon.
+        end = int((self._start + length).max(initial=0, where=sent))
+        busy = int(length.sum(where=sent) + (free - start).sum())
+        return busy / max(nanoseconds(self.until), end)
+
+    @cached_property
+    def _events(self) -> pd.DataFrame:
+        message = np.repeat(np.arange(len(self.system)), np.diff(self._first))
+        retries = np.bincount(self._failures[:, 0], minlength=len(message))
+        order = np.argsort(self._release, kind="stable")
+        order = order[self._arrival[order] < nanoseconds(self.until)]
+        message, arrival, start = message[order], self._arrival[order], self._start[order]
+        sent = start >= 0
+        end = start + self._columns.length[message]
+        return pd.DataFrame(
+            {
+                "message": pd.Categorical.from_codes(message, pd.Index(self.system.names)),
+                "arrival_ms": arrival / 1e6,
+                "release_ms": self._release[order] / 1e6,
+                "start_ms": np.where(sent, start / 1e6, np.nan),
+                "end_ms": np.where(sent, end / 1e6, np.nan),
+                "response_ms": np.where(sent, (end - arrival) / 1e6, np.nan),
+                "retries": retries[order],
+                "outcome": pd.Categorical.from_codes(
+                    np.where(sent, 0, 1), pd.Index(["sent", "waiting"])
+                ),
+            }
+        )
 
     def events(self) -> pd.DataFrame:
         """Return one row per frame, in order of release.
@@ -70,7 +111,28 @@ class Run:
         ``released``, ``sent`` and ``waiting`` count frames; ``min_ms``, ``mean_ms`` and ``max_ms``
         are response times; ``missed`` counts frames that missed the deadline.
         """
-        return self._table.copy()
+        retries = np.bincount(self._failures[:, 0], minlength=len(self._start))
+        rows = []
+        for rank, (begin, end) in enumerate(pairwise(self._first)):
+            arrival, start = self._arrival[begin : end - 1], self._start[begin : end - 1]
+            sent = np.count_nonzero(start >= 0)  # the first frames
+            response = start[:sent] + self._columns.length[rank] - arrival[:sent]
+            waited = np.r_[response, nanoseconds(self.until) - arrival[sent:]]
+            rows.append(
+                {
+                    "arbitration_id": self.system[rank].arbitration_id,
+                    "extended": self.system[rank].extended,
+                    "released": len(start),
+                    "sent": sent,
+                    "waiting": len(start) - sent,
+                    "min_ms": response.min() / 1e6 if sent else np.nan,
+                    "mean_ms": response.mean() / 1e6 if sent else np.nan,
+                    "max_ms": response.max() / 1e6 if sent else np.nan,
+                    "missed": np.count_nonzero(waited > self._columns.deadline[rank]),
+                    "retries": retries[begin:end].sum(),
+                }
+            )
+        return pd.DataFrame(rows, pd.Index(self.system.names, name="message", dtype=object))
 
     def utilisation(self) -> Utilisation:
         """Return the bus load, and the longest time from a change until the new value is sent."""
@@ -84,15 +146,33 @@ class Run:
         ``free_ms`` is when the bus was free again, and ``bit`` the disturbed bit, counted from 0;
         ``tec`` and ``state`` are the sender's transmit error counter and state afterwards.
         """
-        return self._errors.copy()
+        frame, start, free, bit, tec, rec = self._failures.T
+        rank = np.searchsorted(self._first, frame, side="right") - 1
+        return pd.DataFrame(
+            {
+                "message": np.array(self.system.names, dtype=object)[rank],
+                "sender": np.array(self._columns.senders, dtype=object)[self._columns.owner[rank]],
+                "start_ms": start / 1e6,
+                "free_ms": free / 1e6,
+                "bit": bit,
+                "tec": tec,
+                "state": _state(tec, rec),
+            }
+        )
 
     def nodes(self) -> pd.DataFrame:
         """Return each sender's final error counters and state, and how often it went bus off."""
-        return self._nodes.copy()
+        tec, rec = self._counters
+        gone = self.errors().query("state == 'bus off'")["sender"].value_counts()
+        times = gone.reindex(self._columns.senders, fill_value=0).to_numpy()
+        return pd.DataFrame(
+            {"tec": tec, "rec": rec, "state": _state(tec, rec), "bus_off": times},
+            index=pd.Index(self._columns.senders, name="sender", dtype=object),
+        )
 
     def plot(self, start: float = 0.0, stop: float | None = None, ax: Axes | None = None) -> Axes:
         """Draw the frames on the bus from `start` to `stop` [s], with one lane per message."""
-        frames, errors = self._events, self._errors
+        frames, errors = self._events, self.errors()
         last = np.nanmax([0.0, *frames["end_ms"], *errors["free_ms"]])
         low, high = 1e3 * start, last if stop is None else 1e3 * stop
         if not low < high:
@@ -201,42 +281,40 @@ def simulate(
     >>> run.table()[["sent", "max_ms", "missed"]].values.tolist()
     [[400.0, 1.5, 0.0], [286.0, 2.0, 0.0], [286.0, 3.5, 57.0]]
     """
-    columns = _columns(messages)
-    bit = bit_time_ns(bit_rate)
+    columns = _columns(messages, bit_rate)
     horizon = nanoseconds(check_scalar("until", until, "s", 1e-9, 1e6))
     several = as_faults(faults, BitErrors, ErrorAt)
     generator = check_rng(rng)
-    arrival, releases = _releases(columns, horizon, bit, generator)
-    start, failures, at_end = send(releases, horizon, columns.owner, several, bit, generator)
-    failed = np.array([failure.release for failure in failures], dtype=int)
-    retries = np.bincount(failed, minlength=len(start))
-    duration = releases.length[releases.message]
-    end = start + duration
-    sent = start >= 0
-    response = np.where(sent, end - arrival, 0)
-    events = pd.DataFrame(
-        {
-            "message": pd.Categorical.from_codes(releases.message, pd.Index(messages.names)),
-            "arrival_ms": arrival / 1e6,
-            "release_ms": releases.time / 1e6,
-            "start_ms": np.where(sent, start / 1e6, np.nan),
-            "end_ms": np.where(sent, end / 1e6, np.nan),
-            "response_ms": np.where(sent, response / 1e6, np.nan),
-            "retries": retries,
-            "outcome": pd.Categorical.from_codes(
-                np.where(sent, 0, 1), pd.Index(["sent", "waiting"])
-            ),
-        }
-    )
-    waited = np.where(sent, response, horizon - arrival)
-    table = _statistics(messages, events, waited > columns.deadline[releases.message])
-    errors, nodes = _error_tables(messages, columns, releases, failures, at_end)
-    busy = int(duration[sent].sum()) + sum(f.free - f.start for f in failures)
-    # The last frame may end after the horizon.
-    span = max(horizon, int(end.max(initial=0, where=sent)))
+    frames = _frames(columns.offset, columns.period, horizon)
+    arrival, first = releases.run(frames, columns.offset, columns.period, horizon)
+    release = arrival
+    if columns.jitter.any():
+        message = np.repeat(np.arange(len(messages)), np.diff(first))
+        real = arrival < horizon
+        delay = generator.integers(0, columns.jitter[message[real]], endpoint=True)
+        release = arrival.copy()
+        release[real] += delay
+        for begin, end in pairwise(first):
+            np.maximum.accumulate(release[begin:end], out=release[begin:end])
+    failures: list[Failure] = []
+    steps = frames * len(messages) / 2  # half of the messages are asked before one is found
+    if several:
+        instants = sorted(nanoseconds(one.time) for one in several if isinstance(one, ErrorAt))
+        # The longest run has 1e12 bits, none of which is disturbed at lower rates.
+        random = [one for one in several if isinstance(one, BitErrors) and one.rate >= 1e-18]
+        rate = np.array([fault.rate for fault in random])
+        span = np.array([fault.span for fault in random], dtype=np.int64).reshape(-1, 2)
+        start, failures, *counters = send_disturbed.run(
+            2 * steps, release, first, columns.length, horizon, columns.owner, columns.bit,
+            PASSIVE, BUS_OFF, np.array([*instants, NEVER]), rate, span, generator,
+        )  # fmt: skip
+    else:
+        start = send.run(steps, release, first, columns.length, horizon)
+        counters = list(np.zeros((2, len(columns.senders)), dtype=np.int64))
     return Run(
-        messages, float(bit_rate), float(until), several, busy / span, events, table, errors, nodes
-    )
+        messages, float(bit_rate), float(until), several, columns, arrival, release, start, first,
+        np.array(failures, dtype=np.int64).reshape(-1, 6), (counters[0], counters[1]),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -312,10 +390,9 @@ def simulate_batch(
     >>> (1e3 * run.max_response).round(2).tolist()
     [[1.08, 2.16], [1.66, 1.08]]
     """
-    columns = _columns(messages)
+    columns = _columns(messages, bit_rate)
     if columns.jitter.any():
         raise ArgumentError("messages have jitter; in a batch they must have none")
-    bit = bit_time_ns(bit_rate)
     horizon = nanoseconds(check_scalar("until", until, "s", 1e-9, 1e6))
     number = len(messages)
     begin = np.asarray(offsets)
@@ -326,14 +403,15 @@ def simulate_batch(
         )
     if not np.all((begin >= 0) & (begin <= 1e5)):
         raise ArgumentError("offsets contain a time outside 0..1e5 s")
-    first = np.rint(begin.T * 1e9).astype(np.int64)
-    largest, total, sent = send_batch(first, columns.period, columns.bits * bit, horizon)
+    first = np.ascontiguousarray(np.rint(begin * 1e9), dtype=np.int64)
+    steps = first.size / 2 * _frames(np.zeros_like(columns.period), columns.period, horizon)
+    longest, total, sent = send_sets.run(steps, first, columns.period, columns.length, horizon)
     none = sent == 0
     return BatchRun(
         messages,
-        np.where(none, np.nan, largest / 1e9).T,
-        np.where(none, np.nan, total / 1e9 / np.maximum(sent, 1)).T,
-        sent.T,
+        np.where(none, np.nan, longest / 1e9),
+        np.where(none, np.nan, total / 1e9 / np.maximum(sent, 1)),
+        sent,
     )
 
 
@@ -342,14 +420,15 @@ class _Columns(NamedTuple):
 
     senders: list[str]
     owner: Integers
-    bits: Integers
+    bit: int
+    length: Integers
     period: Integers
     offset: Integers
     jitter: Integers
     deadline: Integers
 
 
-def _columns(messages: MessageSet) -> _Columns:
+def _columns(messages: MessageSet, bit_rate: float) -> _Columns:
     """Return a message set as columns; `owner` is the index of each message's sender."""
     if not len(messages):
         raise ArgumentError("messages are empty; there must be at least one")
@@ -359,10 +438,12 @@ def _columns(messages: MessageSet) -> _Columns:
     )
     senders = [message.sender or message.name for message in messages]
     nodes = list(dict.fromkeys(senders))
+    bit = bit_time_ns(bit_rate)
     return _Columns(
         nodes,
         np.array([nodes.index(sender) for sender in senders], dtype=np.int64),
-        message_lengths(messages).astype(np.int64),
+        bit,
+        message_lengths(messages).astype(np.int64) * bit,
         *times,
     )
 
@@ -378,78 +459,18 @@ def bit_time_ns(bit_rate: float) -> int:
     return round(exact)
 
 
-def _releases(
-    columns: _Columns, horizon: int, bit: int, rng: np.random.Generator
-) -> tuple[Integers, Releases]:
-    """Return the times of the events, and the frames that they release, in order of release."""
-    counts = np.maximum(-(-(horizon - columns.offset) // columns.period), 0)
-    if counts.sum() > MOST_FRAMES:
+def _frames(offset: Integers, period: Integers, horizon: int) -> int:
+    """Return the number of frames that the messages release before the horizon."""
+    frames = int(np.maximum(-((offset - horizon) // period), 0).sum())
+    if frames > MOST_FRAMES:
         raise ArgumentError(
-            f"until is {horizon / 1e9} s; {counts.sum()} frames would be released by then, at "
+            f"until is {horizon / 1e9} s; {frames} frames would be released by then, at "
             f"most {MOST_FRAMES} are allowed"
         )
-    message = np.repeat(np.arange(len(counts)), counts)
-    place = np.arange(len(message)) - np.repeat(np.cumsum(counts) - counts, counts)
-    arrival = columns.offset[message] + place * columns.period[message]
-    time = arrival
-    if columns.jitter.any():
-        time = arrival + rng.integers(0, columns.jitter[message], endpoint=True)
-        for block in np.split(time, np.cumsum(counts)[:-1]):
-            np.maximum.accumulate(block, out=block)
-    order = np.argsort(time, kind="stable")
-    message = message[order]
-    releases = Releases(time[order], message, columns.bits * bit)
-    return arrival[order], releases
+    return frames
 
 
-def _statistics(messages: MessageSet, events: pd.DataFrame, missed: Bools) -> pd.DataFrame:
-    number, outcome = len(messages), events["outcome"].cat
-    message = events["message"].cat.codes.to_numpy(dtype=np.intp)
-    places = message + number * outcome.codes.to_numpy()
-    counts = np.bincount(places, minlength=2 * number).reshape(2, number)
-    times = events["response_ms"].groupby(message)
-    ranges = {f"{how}_ms": times.agg(how).reindex(range(number)) for how in ("min", "mean", "max")}
-    return pd.DataFrame(
-        {
-            "arbitration_id": [m.arbitration_id for m in messages],
-            "extended": [m.extended for m in messages],
-            "released": counts.sum(axis=0),
-            **dict(zip(outcome.categories, counts, strict=True)),
-            **{name: values.to_numpy() for name, values in ranges.items()},
-            "missed": np.bincount(message[missed], minlength=number),
-            "retries": np.bincount(message, events["retries"], number).astype(int),
-        },
-        index=pd.Index(messages.names, name="message", dtype=object),
-    )
-
-
-def _error_tables(
-    messages: MessageSet,
-    columns: _Columns,
-    releases: Releases,
-    failures: list[Failure],
-    nodes: Nodes,
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    release, start, free, bit, tec, state = zip(*failures, strict=True) if failures else 6 * [()]
-    ranks = releases.message[np.array(release, dtype=int)].tolist()
-    errors = pd.DataFrame(
-        {
-            "message": [messages.names[rank] for rank in ranks],
-            "sender": [columns.senders[columns.owner[rank]] for rank in ranks],
-            "start_ms": np.array(start, dtype=float) / 1e6,
-            "free_ms": np.array(free, dtype=float) / 1e6,
-            "bit": np.array(bit, dtype=int),
-            "tec": np.array(tec, dtype=int),
-            "state": np.array(state, dtype=object),
-        }
-    )
-    table = pd.DataFrame(
-        {
-            "tec": nodes.tec,
-            "rec": nodes.rec,
-            "state": [nodes.state(node) for node in range(len(columns.senders))],
-            "bus_off": nodes.bus_off,
-        },
-        index=pd.Index(columns.senders, name="sender", dtype=object),
-    )
-    return errors, table
+def _state(tec: Integers, rec: Integers) -> npt.NDArray[np.object_]:
+    """Return the state of nodes with these error counters."""
+    passive = np.where(np.maximum(tec, rec) >= PASSIVE, "error passive", "error active")
+    return np.where(tec >= BUS_OFF, "bus off", passive).astype(object)

@@ -419,7 +419,7 @@ def send(
     When a cable, a box or a controller fails or recovers, all frames queued or on the bus are
     lost; the next round replaces them.
     """
-    from shipnet.can.bus import Releases, send_undisturbed
+    from shipnet.can import bus
 
     message = np.repeat(
         np.arange(system.sender.size), [loops[b].queued.size for b in system.sender]
@@ -436,9 +436,12 @@ def send(
                 continue
             due = (queued >= begin) & (queued < end) & np.isin(system.sender[message], members)
             rows = np.flatnonzero(due)
-            rows = rows[np.lexsort((message[rows], queued[rows]))]
-            releases = Releases(queued[rows] - begin, message[rows], system.frame_ns)
-            start = send_undisturbed(releases, end - begin)
+            last = np.cumsum(np.bincount(message[rows], minlength=system.sender.size))
+            release = np.insert(queued[rows], last, end) - begin
+            first = np.r_[0, last] + np.arange(system.sender.size + 1)
+            steps = release.size * system.sender.size / 2
+            start = bus.send.run(steps, release, first, system.frame_ns, end - begin)
+            start = np.delete(start, first[1:] - 1)
             gap = round(INTERMISSION * 1e9 / system.can_bit_rate)
             arrival = begin + start + system.frame_ns[message[rows]] - gap
             keep = (start >= 0) & (arrival <= end)
