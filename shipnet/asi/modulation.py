@@ -139,6 +139,14 @@ def violated_by_rows(pulses: Signs) -> Signs:
     return places
 
 
+def decided(pulses: Signs, places: Signs) -> tuple[Signs, Codes]:
+    """Return the bits of telegrams and the error code of the first violated rule, or 0."""
+    failed, middles = places >= 0, pulses[..., 1:-2:2]
+    codes = np.array([kind.code for kind in CLASSES.values()], np.uint8)
+    error = np.where(failed.any(axis=-1), codes[failed.argmax(axis=-1)], 0).astype(np.uint8)
+    return np.where(middles == 0, NONE, middles > 0).astype(np.int8), error
+
+
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Modulation:
@@ -401,19 +409,21 @@ class Pulses:
         return telegram
 
     @property
-    def violations(self) -> Bools:
-        """True for each check that a telegram fails; the last axis has the order of `CLASSES`."""
+    def _places(self) -> Signs:
+        """Slot that first violates each rule, or -1; the last axis has the order of `CLASSES`."""
         pulses = self._telegrams
         rows = pulses.reshape(-1, pulses.shape[-1])
-        places = violated_by_rows.run(rows.size, rows)
-        return np.asarray(places >= 0).reshape(*pulses.shape[:-1], len(CLASSES))
+        places = violated_by_rows.run(4 * rows.size, rows)
+        return places.reshape(*pulses.shape[:-1], len(CLASSES))
+
+    @property
+    def violations(self) -> Bools:
+        """True for each check that a telegram fails; the last axis has the order of `CLASSES`."""
+        return np.asarray(self._places >= 0)
 
     def check(self) -> tuple[Signs, Codes]:
         """Return the bits of each telegram, -1 where a pulse is missing, and its error code."""
-        failed, middles = self.violations, self._telegrams[..., 1:-2:2]
-        codes = np.array([kind.code for kind in CLASSES.values()], np.uint8)
-        error = np.where(failed.any(axis=-1), codes[failed.argmax(axis=-1)], 0).astype(np.uint8)
-        return np.where(middles == 0, NONE, middles > 0).astype(np.int8), error
+        return decided(self._telegrams, self._places)
 
     def decode(self) -> str:
         """Return the bits of one telegram, or raise the FrameError of the first violated rule."""

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from shipnet import style
 from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
-from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, Signs
+from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, Signs, decided, violated
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.compiled import compiled
 from shipnet.errors import ArgumentError, SilenceError
@@ -382,15 +382,16 @@ def listen(
 def listen_to_rows(
     u: Floats, mean: Floats, taps: Floats, half_bit: float, n_bits: int, threshold: float,
     minimum: float, window: int, near: int, even: float,
-) -> tuple[Signs, Floats]:  # fmt: skip
-    """Return the pulses and the four numbers of each telegram."""
-    slots = np.zeros((len(u), 2 * n_bits + 2), np.int8)
+) -> tuple[Signs, Signs, Floats]:  # fmt: skip
+    """Return the pulses, the violated rules and the four numbers of each telegram."""
+    slots, places = np.zeros((len(u), 2 * n_bits + 2), np.int8), np.zeros((len(u), 7), np.int8)
     numbers = np.zeros((4, len(u)))
     for row in range(len(u)):
         slots[row], numbers[0, row], numbers[1, row], numbers[2, row], numbers[3, row] = listen(
             u[row] - mean[row], taps, half_bit, n_bits, threshold, minimum, window, near, even
         )
-    return slots, numbers
+        places[row] = violated(slots[row])
+    return slots, places, numbers
 
 
 @compiled
@@ -418,12 +419,12 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     rows, mean = _rows(u, dt)
     _check_bit_count(n_bits)
     taps, half_bit = _pulse_shape(dt) if receiver.matched else np.ones(1), HALF_BIT / dt
-    slots, (peak, *heights) = listen_to_rows.run(
+    slots, places, (peak, *heights) = listen_to_rows.run(
         rows.size, rows, mean, taps, half_bit, n_bits, receiver.threshold * (1 + _EVEN),
         max(receiver.minimum, _LEAST) * (1 + _EVEN), int(receiver.window * half_bit + 1e-9),
         int(_REACH * half_bit) + 1, 1 + _EVEN,
     )  # fmt: skip
-    bits, error = Pulses(slots).check()
+    bits, error = decided(slots, places)
     error[np.isnan(peak)] = SilenceError.code
     fields = (bits, error, peak * dt - 1.5 * HALF_BIT, *heights, slots)
     shape = np.shape(u)
