@@ -67,7 +67,7 @@ def wait(
     w: int, m: int, q: int, B: int, C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
     burst: int, interval: int, E: int,
 ) -> int:  # fmt: skip
-    """Return how long instance q of message m waits until its frame starts, but at least w.
+    """Return how long instance q of message m waits until its frame starts; at least the given w.
 
     B is the blocking, tau the bit time, and E the time that an error costs. C, T and J are the
     frame times, periods and jitters of all messages, highest priority first.
@@ -191,10 +191,12 @@ def on_bus(
         raise ArgumentError(f"bit_rate is {bit_rate!r}; it must be a whole number of bit/s")
     second = math.lcm(10**9, int(rate))
     bit, nanosecond = second // int(rate), second // 10**9
-    times = np.array([(m.period, m.jitter, m.deadline) for m in messages]).reshape(-1, 3)
+    times = [
+        [m.period for m in messages], [m.jitter for m in messages], [m.deadline for m in messages],
+    ]  # fmt: skip
     T, J, D = (
         [time * nanosecond for time in column]
-        for column in np.rint(times.T * 1e9).astype(np.int64).tolist()
+        for column in np.rint(np.array(times) * 1e9).astype(np.int64).tolist()
     )
     C = [int(bits) * bit for bits in message_lengths(messages, assumptions.stuffing).tolist()]
     spared = INTERMISSION * bit if assumptions.intermission == "between" else 0
@@ -414,15 +416,15 @@ def response_times(
     for message, frame, deadline, extra, B, t, end in zip(
         messages, bus.C, bus.D, bus.extra, blocking, busy, ends, strict=True
     ):
-        responses = [ticks + extra for ticks in R[first:end]] or [math.inf]
-        longest, first = max(responses), end
+        own: Sequence[float] = R[first:end] or [math.inf]
+        longest, first = max(own) + extra, end
         found.append(
             ResponseTime(
                 message,
                 frame / second,
                 B / second,
                 t / second if t >= 0 else math.inf,
-                tuple([response / second for response in responses]),
+                tuple([(ticks + extra) / second for ticks in own]),
                 longest / second,
                 longest <= deadline,
             )
