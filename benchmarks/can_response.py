@@ -103,7 +103,7 @@ def main():
     rng = np.random.default_rng(2024)
     heads = ("exact", "plain floats", "event models", "audsley")
     print(f"{'messages, load':<16}" + "".join(f"{head:>19}" for head in heads))
-    for n, load in ((20, 0.5), (20, 0.85), (100, 0.5), (100, 0.85)):
+    for n, load in ((20, 0.5), (20, 0.85), (100, 0.5), (100, 0.85), (10, 0.5)):
         messages = message_set(n, load, rng)
         ours = [r.response for r in response_times(messages, BIT_RATE)]
         for peer in (plain, busy_window):

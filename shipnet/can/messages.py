@@ -389,7 +389,7 @@ def bus_load(
     return float(load) if rate.ndim == 0 else np.asarray(load)
 
 
-def message_lengths(messages: MessageSet, stuffing: Stuffing = "worst") -> Floats:
+def message_lengths(messages: Iterable[Message], stuffing: Stuffing = "worst") -> Floats:
     """Return the frame length of each message, including intermission [bit]."""
     table = length_table(stuffing)
     return np.array([m.bits or table[m.extended][m.dlc] for m in messages], dtype=np.float64)

@@ -7,22 +7,22 @@ frame. The nanosecond and the bit time are both multiples of a tick.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from functools import cached_property
+from array import array
+from collections.abc import Iterable, Sequence
 from itertools import chain
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from shipnet import style
 from shipnet.answers import Utilisation
 from shipnet.arguments import checked
-from shipnet.arrays import Integers
 from shipnet.can.faults import NO_ERRORS, ErrorBound
 from shipnet.can.frame import INTERMISSION, check_bit_rate
-from shipnet.can.messages import Message, MessageSet, Named
+from shipnet.can.messages import Message, MessageSet, Named, message_lengths
 from shipnet.can.offsets import Streams, clocks, longest_responses
-from shipnet.clock import nanoseconds
+from shipnet.clock import NEVER, nanoseconds
+from shipnet.compiled import MANY, compiled
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, record, switch
 from shipnet.lazy import Axes, pd
@@ -59,31 +59,131 @@ class Assumptions:
 
 #: Iterations, or instances of a message, after which a busy period counts as endless. Only loads
 #: within about 1e-4 of 1 need this many.
-_MOST_STEPS = 200_000
+_MOST = 200_000
 
 
-#: Period, duration and jitter of periodic frames, in ticks.
-_Stream = tuple[int, int, int]
+@compiled
+def wait(
+    w: int, m: int, q: int, B: int, C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
+    burst: int, interval: int, E: int,
+) -> int:  # fmt: skip
+    """Return how long instance q of message m waits until its frame starts; at least the given w.
+
+    B is the blocking, tau the bit time, and E the time that an error costs. C, T and J are the
+    frame times, periods and jitters of all messages, highest priority first.
+    """
+    before = -1
+    while w != before:
+        before = w
+        errors = burst - 1 + (before + C[m] + interval - 1) // interval
+        w = B + q * C[m] + errors * E
+        for k in range(m):
+            # (a + b - 1) // b is a / b, rounded up.
+            w += (before + tau + J[k] + T[k] - 1) // T[k] * C[k]
+    return w
+
+
+@compiled
+def instances(
+    m: int, C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
+    burst: int, interval: int, error: int, most: int,
+) -> tuple[int, int, list[int]]:  # fmt: skip
+    """Return message m's blocking B, busy period t, and response time R of each instance.
+
+    The recurrences for t and w are from Davis, Burns, Bril, Lukkien 2007; the errors, first a burst
+    and then one per interval, are a term. If t needs more than `most` iterations or instances, it
+    is -1.
+    """
+    B = E = queued = 0
+    U = 0.0  # load
+    for k in range(m + 1, len(C)):
+        B = max(B, C[k])  # a lower-priority frame may just have started
+    for k in range(m + 1):
+        E = max(E, error + C[k])  # an error costs an error frame and a frame that is sent again
+        queued += C[k]
+        U += C[k] / T[k]
+    U += E / interval
+
+    t, before, left = B + queued, 0, most if U < 1 + 1e-9 else 0
+    while t != before and left > 0:
+        before, left = t, left - 1
+        t = B + (burst - 1 + (before + interval - 1) // interval) * E
+        for k in range(m + 1):
+            t += (before + J[k] + T[k] - 1) // T[k] * C[k]
+    Q = (t + J[m] + T[m] - 1) // T[m]
+    if t != before or Q > most:
+        t, Q = -1, 0
+
+    R: list[int] = []
+    w = B + queued - C[m]
+    for q in range(Q):
+        w = wait(w, m, q, B, C, T, J, tau, burst, interval, E)
+        R.append(J[m] + w - q * T[m] + C[m])
+        w += C[m]  # the next instance waits at least this long
+    return B, t, R
+
+
+@compiled
+def all_instances(
+    C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
+    burst: int, interval: int, error: int, most: int,
+) -> tuple[list[int], list[int], list[int], list[int]]:  # fmt: skip
+    """Return B and t of each message, the R of all, and where each message's R end."""
+    blocking: list[int] = []
+    busy: list[int] = []
+    responses: list[int] = []
+    ends: list[int] = []
+    for m in range(len(C)):
+        B, t, R = instances(m, C, T, J, tau, burst, interval, error, most)
+        blocking.append(B)
+        busy.append(t)
+        responses.extend(R)
+        ends.append(len(responses))
+    return blocking, busy, responses, ends
 
 
 class Bus(NamedTuple):
-    """A message set at a given bit rate, with times in ticks."""
+    """A message set on a bus in the symbols of `wait`, with times in ticks.
+
+    D contains the deadlines; `extra` is what the reported response times contain in addition to R.
+    """
 
     second: int
-    bit: int
-    nanosecond: int
-    streams: tuple[_Stream, ...]
-    deadline: tuple[int, ...]
-    assumptions: Assumptions
+    C: list[int]
+    T: list[int]
+    J: list[int]
+    D: list[int]
+    extra: list[int]
+    tau: int
+    burst: int
+    interval: int
+    error: int
 
-    def reported(self, message: int) -> int:
-        """Return a message's response time minus its queueing delay, in ticks."""
-        _, frame, jitter = self.streams[message]
-        spared = INTERMISSION * self.bit if self.assumptions.intermission == "between" else 0
-        return frame - spared + (jitter if self.assumptions.own_jitter else 0)
+    def terms(self) -> tuple[float, tuple[Any, ...]]:
+        """Return about how many steps the kernels take for all messages, and their arguments."""
+        rows = list(zip(self.C, self.T, self.J, strict=True))
+        frame = max(self.C, default=0)
+        error = self.error + frame
+        load = error / self.interval + sum([C / T for C, T, _ in rows])
+        once = frame + self.burst * error + sum([C + J * C / T for C, T, J in rows])
+        # Frames that become due while others are sent make a busy period longer.
+        busy = once / max(abs(1 - load), 1 / _MOST)
+        steps = sum([m * (4 + 2 * (busy + J) / T) for m, (_, T, J) in enumerate(rows, 1)])
+        columns: list[Any] = [self.C, self.T, self.J]
+        interval, longest = self.interval, busy if load < 1 else once * _MOST
+        if steps >= MANY and longest + max(self.T) + max(self.J) < NEVER:
+            columns, interval = [array("q", column) for column in columns], min(interval, NEVER)
+        else:
+            steps = 0  # the integers of Python have no limit
+        return steps, (*columns, self.tau, self.burst, interval, self.error, _MOST)
 
 
-def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions | None) -> Bus:
+def on_bus(
+    messages: Sequence[Message],
+    bit_rate: float,
+    assumptions: Assumptions | None,
+    errors: ErrorBound,
+) -> Bus:
     """Return a message set at a given bit rate, with its times converted to ticks."""
     assumptions = assumptions or Assumptions()
     rate = check_bit_rate(bit_rate)
@@ -91,157 +191,19 @@ def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions | Non
         raise ArgumentError(f"bit_rate is {bit_rate!r}; it must be a whole number of bit/s")
     second = math.lcm(10**9, int(rate))
     bit, nanosecond = second // int(rate), second // 10**9
-    streams = tuple(
-        (
-            nanoseconds(m.period) * nanosecond,
-            int(m.frame_length(assumptions.stuffing)) * bit,
-            nanoseconds(m.jitter) * nanosecond,
-        )
-        for m in messages
+    times = [
+        [m.period for m in messages], [m.jitter for m in messages], [m.deadline for m in messages],
+    ]  # fmt: skip
+    T, J, D = (
+        [time * nanosecond for time in column]
+        for column in np.rint(np.array(times) * 1e9).astype(np.int64).tolist()
     )
-    deadline = tuple(nanoseconds(m.deadline) * nanosecond for m in messages)
-    return Bus(second, bit, nanosecond, streams, deadline, assumptions)
-
-
-class Level:
-    """A message at a priority level, and the messages that can delay it."""
-
-    def __init__(
-        self, bus: Bus, message: int, higher: Sequence[int], lower: Sequence[int],
-        errors: ErrorBound,
-    ) -> None:  # fmt: skip
-        streams = bus.streams
-        self.period, self.frame, self.jitter = streams[message]
-        self.blocking = max((streams[k][1] for k in lower), default=0)
-        self._reported = bus.reported(message)
-        # A higher-priority message wins if queued up to one bit time after the bus becomes free.
-        self._tau = bus.bit
-        self._higher = [streams[k] for k in higher]
-        self._equal = [*self._higher, streams[message]]
-        self._constant = self.blocking
-        if errors.burst:
-            # Errors are modelled as one more stream, of error frames with retransmissions.
-            cost = errors.bits * bus.bit + max(frame for _, frame, _ in self._equal)
-            self._constant += (errors.burst - 1) * cost
-            interval = nanoseconds(errors.interval) * bus.nanosecond
-            self._equal.append((interval, cost, 0))
-            # `_settle` adds tau to the delay, but errors can occur until the end of the frame.
-            self._higher.append((interval, cost, self.frame - self._tau))
-        # At least one frame of each higher-priority message is sent first.
-        self._least = self._constant + sum(frame for _, frame, _ in self._higher)
-
-    @cached_property
-    def busy_period(self) -> float:
-        """Longest busy period of this and higher priorities [ticks]; infinite if it never ends."""
-        if not _ends(self._constant, self._equal):
-            return math.inf
-        # A busy period lasts at least until all messages queued at its start are sent.
-        busy = _settle(self._constant, self._equal, self._least + self.frame, 0)
-        return busy if busy <= _MOST_STEPS * self.period - self.jitter else math.inf
-
-    def responses(self) -> Iterator[float]:
-        """Yield each instance's longest response; infinity if the busy period never ends."""
-        if self.busy_period == math.inf:
-            yield math.inf
-            return
-        number = int(-(-(self.busy_period + self.jitter) // self.period))
-        w: float = self._least
-        for q in range(number):
-            w = _settle(self._constant + q * self.frame, self._higher, w, self._tau)
-            yield w + self._reported - q * self.period
-            w += self.frame
-
-
-def _ends(constant: int, streams: Sequence[_Stream]) -> bool:
-    """Return True if t = constant + sum of ceil((t + ahead) / period) * frame has a solution."""
-    load = sum([frame / period for period, frame, _ in streams])
-    if abs(load - 1) > 1e-9:
-        return load < 1
-    hyperperiod = math.lcm(*(period for period, _, _ in streams))
-    used = sum(hyperperiod // period * frame for period, frame, _ in streams)
-    # At a load of 1 the bus never catches up after a delay.
-    return used < hyperperiod or (
-        used == hyperperiod and constant == 0 and not any(ahead for _, _, ahead in streams)
-    )
-
-
-def _settle(constant: int, streams: Sequence[_Stream], start: float, tau: int) -> float:
-    """The least t >= start with t = constant + sum of ceil((t + tau + ahead) / period) * frame."""
-    t = start
-    for _ in range(_MOST_STEPS):
-        later: float = constant
-        # ceil(x) is -floor(-x).
-        early = -(t + tau)
-        for period, frame, ahead in streams:
-            later -= (early - ahead) // period * frame
-        if later <= t:
-            return later
-        t = later
-    return math.inf
-
-
-#: Maximum product of releases and messages, and minimum number of messages, to solve in one array.
-_MOST_CELLS, _FEW = 2_000_000, 20
-
-#: Blocking, busy period, and response of each instance of a message.
-_Solved = tuple[int, float, Sequence[float]]
-
-
-def _solve_together(bus: Bus) -> list[_Solved] | None:
-    """Return the `Level` results for all messages; None for small, huge or heavily loaded sets."""
-    number, load = len(bus.streams), sum(frame / period for period, frame, _ in bus.streams)
-    if number < _FEW or load > 0.999 or max(map(max, bus.streams)) > 2**60:
-        return None
-    period, frame, jitter = streams = np.array(bus.streams).T
-    place, tau = np.arange(number), bus.bit
-    blocking = np.r_[np.maximum.accumulate(frame[:0:-1])[::-1], 0]
-    # A first guess, which is doubled until no busy period is longer.
-    span = int((frame.sum() + blocking[0]) * max(1.2, 0.7 / (1 - load)))
-    while (events := int(-(-(span + jitter + tau) // period).sum())) * number < _MOST_CELLS:
-        busy = _first_gaps(streams, jitter, span, blocking, place + 1)
-        if busy is None:
-            span *= 2
-            continue
-        count = -(-(busy + jitter) // period)
-        if events * count.sum() > _MOST_CELLS:
-            break
-        level = np.repeat(place, count)
-        q = np.arange(len(level)) - np.repeat(np.cumsum(count) - count, count)
-        delay = _first_gaps(streams, jitter + tau, span, blocking[level] + q * frame[level], level)
-        later = np.array([bus.reported(m) for m in range(number)])[level] - q * period[level]
-        responses = (delay + later).tolist()
-        ends = np.cumsum(count)
-        parts = (responses[end - many : end] for end, many in zip(ends, count, strict=True))
-        return list(zip(blocking.tolist(), busy.tolist(), parts, strict=True))
-    return None
-
-
-def _first_gaps(
-    streams: Integers, ahead: Integers, span: int, constant: Integers, below: Integers
-) -> Integers | None:
-    """Return, per constant, the least t = constant + sum of ceil((t + ahead) / period) * frame.
-
-    The sum is over the first `below` streams; the result is None if any t exceeds the span. Each
-    release adds a frame; t is the first sum that does not exceed the time of the next release.
-    """
-    period, frame, _ = streams
-    # Number of releases up to and including time 0.
-    once = ahead // period + 1
-    count = -(-(span + ahead) // period) - once
-    which = np.repeat(np.arange(len(period)), count)
-    number = np.arange(len(which)) - np.repeat(np.cumsum(count) - count - once, count)
-    release = number * period[which] - ahead[which]
-    order = np.argsort(release, kind="stable")
-    which, release = which[order], np.r_[release[order], span]
-    work = np.empty((len(constant), len(release)), dtype=np.int64)
-    work[:, 0] = constant + np.r_[0, np.cumsum(once * frame)][below]
-    np.multiply(which < below[:, np.newaxis], frame[which], out=work[:, 1:])
-    np.cumsum(work, axis=1, out=work)
-    gap = work <= release
-    if not gap[:, -1].all():
-        return None
-    first: Integers = work[np.arange(len(work)), gap.argmax(axis=1)]
-    return first
+    C = [int(bits) * bit for bits in message_lengths(messages, assumptions.stuffing).tolist()]
+    spared = INTERMISSION * bit if assumptions.intermission == "between" else 0
+    extra = [-spared - (0 if assumptions.own_jitter else jitter) for jitter in J]
+    never = errors.interval == math.inf
+    interval = NEVER**2 if never else nanoseconds(errors.interval) * nanosecond
+    return Bus(second, C, T, J, D, extra, bit, errors.burst, interval, errors.bits * bit)
 
 
 class ResponseTime(NamedTuple):
@@ -445,49 +407,51 @@ def response_times(
     >>> c.instances, c.response, c.met
     ((0.003, 0.0035), 0.0035, False)
     """
-    errors = faults or NO_ERRORS
-    bus = on_bus(messages, bit_rate, assumptions)
-    solved = None if errors.burst else _solve_together(bus)
-    if solved is None:
-        solved = [_solve(bus, place, errors) for place in range(len(messages))]
-    found = [
-        ResponseTime(
-            message,
-            stream[1] / bus.second,
-            blocking / bus.second,
-            busy / bus.second,
-            tuple([ticks / bus.second for ticks in responses]),
-            max(responses) / bus.second,
-            max(responses) <= deadline,
+    if offsets and ((faults and faults.burst) or (assumptions and not assumptions.own_jitter)):
+        raise ArgumentError("offsets is True; it requires own_jitter and allows no faults")
+    bus = on_bus(messages, bit_rate, assumptions, faults or NO_ERRORS)
+    steps, terms = bus.terms()
+    blocking, busy, R, ends = all_instances.run(steps, *terms)
+    second, first, found = bus.second, 0, []
+    for message, frame, deadline, extra, B, t, end in zip(
+        messages, bus.C, bus.D, bus.extra, blocking, busy, ends, strict=True
+    ):
+        own: Sequence[float] = R[first:end] or [math.inf]
+        longest, first = max(own) + extra, end
+        found.append(
+            ResponseTime(
+                message,
+                frame / second,
+                B / second,
+                t / second if t >= 0 else math.inf,
+                tuple([(ticks + extra) / second for ticks in own]),
+                longest / second,
+                longest <= deadline,
+            )
         )
-        for message, stream, deadline, (blocking, busy, responses) in zip(
-            messages, bus.streams, bus.deadline, solved, strict=True
-        )
-    ]
     if offsets:
-        if errors.burst or not bus.assumptions.own_jitter:
-            raise ArgumentError("offsets is True; it requires own_jitter and allows no faults")
         found = _with_offsets(bus, messages, found)
     return ResponseTimes(found, bit_rate)
 
 
 def _with_offsets(bus: Bus, messages: MessageSet, found: list[ResponseTime]) -> list[ResponseTime]:
     """Return the response times, taking account of the offsets between each sender's messages."""
-    offsets = [nanoseconds(message.offset) * bus.nanosecond for message in messages]
-    rows = [(*one, offset % one[0]) for one, offset in zip(bus.streams, offsets, strict=True)]
-    tick = math.gcd(bus.bit, *chain.from_iterable(rows))
-    clock = clocks([message.sender for message in messages], [period for period, *_ in rows])
+    nanosecond = bus.second // 10**9
+    offsets = [nanoseconds(m.offset) * nanosecond % T for m, T in zip(messages, bus.T, strict=True)]
+    rows = (bus.T, bus.C, bus.J, offsets)
+    tick = math.gcd(bus.tau, *chain.from_iterable(rows))
+    clock = clocks([message.sender for message in messages], bus.T)
     try:
-        short = np.array([[time // tick for time in row] for row in rows], dtype=np.int64)
-        period, frame, jitter, offset = short.reshape(-1, 4).T
-        streams = Streams(period, frame, jitter, offset, clock, tau=bus.bit // tick)
+        period, frame, jitter, offset = (
+            np.array([time // tick for time in row], dtype=np.int64) for row in rows
+        )
+        streams = Streams(period, frame, jitter, offset, clock, tau=bus.tau // tick)
         ticks = longest_responses(streams)
     except OverflowError:
         ticks = None
     if ticks is None:
         return found
-    spared = INTERMISSION * bus.bit if bus.assumptions.intermission == "between" else 0
-    responses = [value * tick - spared for value in ticks]
+    responses = [value * tick + extra for value, extra in zip(ticks, bus.extra, strict=True)]
     return [
         one._replace(
             busy_period=math.nan,
@@ -495,13 +459,8 @@ def _with_offsets(bus: Bus, messages: MessageSet, found: list[ResponseTime]) -> 
             response=longest / bus.second,
             met=longest <= deadline,
         )
-        for one, longest, deadline in zip(found, responses, bus.deadline, strict=True)
+        for one, longest, deadline in zip(found, responses, bus.D, strict=True)
     ]
-
-
-def _solve(bus: Bus, place: int, errors: ErrorBound) -> _Solved:
-    level = Level(bus, place, range(place), range(place + 1, len(bus.streams)), errors)
-    return level.blocking, level.busy_period, list(level.responses())
 
 
 class Assignment(NamedTuple):
@@ -570,19 +529,30 @@ def audsley(
     >>> audsley(messages, 125e3)
     Assignment(messages=MessageSet(3 messages: Z, Y, X), feasible=True, unplaced=())
     """
-    errors = faults or NO_ERRORS
-    bus = on_bus(messages, bit_rate, assumptions)
-    left = sorted(range(len(messages)), key=lambda m: bus.deadline[m])
-    placed: list[int] = []
-    while left:
-        for m in reversed(left):
-            higher = [k for k in left if k != m]
-            level = Level(bus, m, higher, placed, errors)
-            if all(response <= bus.deadline[m] for response in level.responses()):
+    left = sorted(messages, key=lambda message: message.deadline)
+    bus = on_bus(left, bit_rate, assumptions, faults or NO_ERRORS)
+    columns: list[list[Any]] = [left, bus.C, bus.T, bus.J, bus.D, bus.extra]
+    level = len(left) - 1
+
+    def move(place: int, to: int) -> None:
+        for column in columns:
+            column.insert(to, column.pop(place))
+
+    while level >= 0:
+        for place in range(level, -1, -1):
+            move(place, level)
+            if _in_time(bus, level):
                 break
+            move(level, place)
         else:
             break
-        left.remove(m)
-        placed.append(m)
-    order = [messages[m].name for m in (*left, *reversed(placed))]
-    return Assignment(messages.ordered(order), not left, tuple(messages[m].name for m in left))
+        level -= 1
+    names = [message.name for message in left]
+    return Assignment(messages.ordered(names), level < 0, tuple(names[: level + 1]))
+
+
+def _in_time(bus: Bus, m: int) -> bool:
+    """Return True if a message always meets its deadline."""
+    steps, terms = bus.terms()
+    _, t, R = instances.run(steps, m, *terms)
+    return t >= 0 and max(R) + bus.extra[m] <= bus.D[m]
