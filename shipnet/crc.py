@@ -1,11 +1,12 @@
-"""Cyclic redundancy checks of one message, or of many at once.
+"""Cyclic redundancy checks: the remainder of a message that is divided by a polynomial.
 
-The register is shifted one byte at a time with a table of 256 entries. In a reflected algorithm the
-lowest bit of a byte comes first, and the register is shifted right instead of left.
+A register holds the remainder so far. In a reflected algorithm the lowest bit of a byte comes
+first, and the register is shifted right instead of left.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Any, overload
 
@@ -16,6 +17,36 @@ from shipnet.errors import ArgumentError, SymbolError
 from shipnet.fields import check_whole, record, switch, text, whole
 
 __all__ = ["CAN", "MODBUS", "Crc"]
+
+
+def shift_bits(
+    register: int, bits: Iterable[int], polynomial: int, width: int, reflected: bool
+) -> int:
+    """Return the register after some bits: whenever a 1 leaves it, the polynomial is subtracted."""
+    mask = 2**width - 1
+    for bit in bits:
+        if reflected:
+            out = register & 1 ^ bit
+            register = register >> 1 ^ out * polynomial
+        else:
+            out = register >> (width - 1) ^ bit
+            register = register << 1 & mask ^ out * polynomial
+    return register
+
+
+def shift_bytes(register: Any, data: Iterable[Any], table: Any, width: int, reflected: bool) -> Any:
+    """Return the register after some bytes; `table` contains the remainder of each byte.
+
+    With arrays for numbers, it takes many messages at once: the n-th byte of each, for every n.
+    """
+    if reflected:
+        for byte in data:
+            register = register >> 8 ^ table[(register ^ byte) & 255]
+    else:
+        high, mask = width - 8, 2**width - 1
+        for byte in data:
+            register = register << 8 & mask ^ table[register >> high ^ byte]
+    return register
 
 
 @record
@@ -35,26 +66,27 @@ class Crc:
     xorout: int = whole(0, 2**64 - 1, help="XORed with the register at the end", default=0)
     reflected: bool = switch("Whether the lowest bit comes first", default=False)
 
+    def __post_init__(self) -> None:
+        for name in ("polynomial", "init", "xorout"):
+            check_whole(name, getattr(self, name), 0, 2**self.width - 1, f", {self.width} bits")
+
     def _reversed(self, value: int) -> int:
         return int(f"{value:0{self.width}b}"[::-1], 2) if self.reflected else value
 
-    def _shifted(self, register: int, bit: int) -> int:
-        """Return the register after one more bit."""
-        if self.reflected:
-            return register >> 1 ^ (register & 1 ^ bit) * self._reversed(self.polynomial)
-        out = register >> (self.width - 1) ^ bit
-        return (register << 1 ^ out * self.polynomial) & ((1 << self.width) - 1)
+    @cached_property
+    def _start(self) -> int:
+        return self._reversed(self.init)
+
+    @cached_property
+    def _divisor(self) -> int:
+        return self._reversed(self.polynomial)
 
     @cached_property
     def _table(self) -> list[int]:
-        """The register after each possible byte, for an initial value of 0."""
-        entries = []
-        for byte in range(256):
-            register = 0
-            for bit in f"{byte:08b}"[:: -1 if self.reflected else 1]:
-                register = self._shifted(register, int(bit))
-            entries.append(register)
-        return entries
+        """The remainder of each byte, which the register holds after eight shifts."""
+        how = 8 * [0], self._divisor, self.width, self.reflected
+        place = 0 if self.reflected else self.width - 8
+        return [shift_bits(byte << place, *how) for byte in range(256)]
 
     @overload
     def of(self, data: bytes | bytearray | memoryview | str) -> int: ...
@@ -73,44 +105,26 @@ class Crc:
         >>> CAN.of(np.array([[1, 2], [3, 4]], np.uint8)).tolist()
         [2701, 20796]
         """
-        if isinstance(data, np.ndarray):
-            return self._rows(data)
-        register, table = self._reversed(self.init), self._table
-        if isinstance(data, str):
+        first, width, reflected = self._start, self.width, self.reflected
+        if isinstance(data, bytes):
+            register = shift_bytes(first, data, self._table, width, reflected)
+        elif isinstance(data, str):
             if odd := set(data) - set("01"):
                 raise SymbolError(f"data contains {min(odd)!r}; bits must be 0 or 1")
-            # The first len(data) % 8 bits are shifted one by one, so that whole bytes remain.
-            whole = len(data) % 8
-            for bit in data[:whole]:
-                register = self._shifted(register, int(bit))
-            order = -1 if self.reflected else 1
-            data = bytes(int(data[k : k + 8][::order], 2) for k in range(whole, len(data), 8))
-        elif not isinstance(data, bytes | bytearray | memoryview):
-            raise ArgumentError(f"data is {data!r}; it must be bytes, a str of bits, or an array")
-        if self.reflected:
-            for byte in bytes(data):
-                register = table[(register ^ byte) & 255] ^ register >> 8
+            register = shift_bits(first, map(int, data), self._divisor, width, reflected)
+        elif isinstance(data, np.ndarray):
+            if data.dtype != np.uint8 or data.ndim == 0:
+                kind = f"{data.dtype}, {data.ndim}-D"
+                raise ArgumentError(f"data is {kind}; it must be rows of uint8")
+            table = np.array(self._table, f"u{next(n for n in (2, 4, 8) if width <= 8 * n)}")
+            registers = np.full(data.shape[:-1], first, table.dtype)
+            columns = np.ascontiguousarray(np.moveaxis(data, -1, 0))
+            register = shift_bytes(registers, columns, table, width, reflected)
+        elif isinstance(data, bytearray | memoryview):
+            return self.of(bytes(data))
         else:
-            high, mask = self.width - 8, (1 << self.width) - 1
-            for byte in bytes(data):
-                register = table[(register >> high) ^ byte] ^ register << 8 & mask
+            raise ArgumentError(f"data is {data!r}; it must be bytes, a str of bits, or an array")
         return register ^ self.xorout
-
-    def _rows(self, rows: npt.NDArray[Any]) -> npt.NDArray[np.unsignedinteger]:
-        if rows.dtype != np.uint8 or rows.ndim == 0:
-            raise ArgumentError(f"data is {rows.dtype}, {rows.ndim}-D; it must be rows of uint8")
-        kind = np.dtype(f"u{next(n for n in (2, 4, 8) if self.width <= 8 * n)}")
-        table = np.array(self._table, dtype=kind)
-        register = np.full(rows.shape[:-1], self._reversed(self.init), dtype=kind)
-        mask = kind.type((1 << self.width) - 1)
-        for column in np.ascontiguousarray(np.moveaxis(rows, -1, 0)):
-            if self.reflected:
-                register = table.take(register.astype(np.uint8) ^ column) ^ register >> 8
-            else:
-                top = (register >> (self.width - 8)).astype(np.uint8)
-                register = table.take(top ^ column) ^ register << 8 & mask
-        checks: npt.NDArray[np.unsignedinteger] = register ^ kind.type(self.xorout)
-        return checks
 
     def undetected(self, payload: int = 6, flips: int = 2) -> int:
         """Return how many patterns of `flips` (1 or 2) wrong bits the check does not detect.

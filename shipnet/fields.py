@@ -88,6 +88,8 @@ def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> in
 
     `why` ends the message. A bool does not count as a number.
     """
+    if type(value) is int and low <= value <= high:
+        return value
     try:
         whole = None if isinstance(value, bool) else index(value)
     except TypeError:

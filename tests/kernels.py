@@ -113,6 +113,22 @@ def waits(draw):
     return w, m, q // tau, B, C, T, J, tau, burst, max(interval, 10**4 * tau), error + max(C)
 
 
+def _columns(rows, n):
+    """Return n arrays of int64 from rows of n numbers."""
+    return tuple(np.array(rows, np.int64).reshape(-1, n).T.copy())
+
+
+# Heads of 19 or 39 bits, payloads of 64 bits of which 0..64 are sent, and both the CRC of CAN and
+# another run length.
+_FRAMES = st.lists(
+    st.tuples(
+        st.integers(0, 2**39 - 1), st.sampled_from([19, 39]),
+        st.integers(-(2**63), 2**63 - 1), st.sampled_from([*range(0, 65, 8)]),
+    ),
+    max_size=4,
+).map(lambda rows: _columns(rows, 4))  # fmt: skip
+_CODES = st.sampled_from([(0x4599, 15, 5), (0x1021, 16, 6)])
+
 #: A strategy of argument tuples by the full name of the kernel.
 ARGUMENTS: dict[str, st.SearchStrategy[tuple]] = {
     "shipnet.asi.modulation.violated": _PULSES.flatmap(
@@ -132,4 +148,5 @@ ARGUMENTS: dict[str, st.SearchStrategy[tuple]] = {
     "shipnet.can.response.all_instances": can_columns(one=False),
     "shipnet.can.response.instances": can_columns(one=True),
     "shipnet.can.response.wait": waits(),
+    "shipnet.can.lengths.stuffed_lengths": st.builds(lambda a, b: (*a, *b), _FRAMES, _CODES),
 }

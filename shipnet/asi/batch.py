@@ -6,14 +6,13 @@ A bad telegram does not raise an exception; the result has an error code for eac
 from __future__ import annotations
 
 from functools import cache
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.arrays import Integers
-from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, all_requests
 from shipnet.errors import (
     ArgumentError,
     EndBitError,
@@ -103,21 +102,11 @@ class Requests(NamedTuple):
 def _meanings() -> npt.NDArray[np.int8]:
     """Return (call, address, data, half) by addressing mode (1: extended) and information word."""
     meaning = np.full((2, 2**11, 4), NONE, dtype=np.int8)
-    information = np.arange(2**11)[:, np.newaxis]
-    bits, address = information >> np.arange(10, -1, -1) & 1, information[:, 0] >> 5 & 31
-    for extended, call in product((0, 1), Call):
-        letters = np.array(list(call.rule.layout(bool(extended))))
-        fixed = (letters == "0") | (letters == "1")
-        known = (bits[:, fixed] == (letters[fixed] == "1")).all(axis=1)
-        data = bits[:, letters == "d"] @ (1 << np.arange((letters == "d").sum())[::-1])
-        known &= data >= int(call is Call.ASSIGN_ADDRESS)
-        known &= (address >= call.rule.lowest_address) | ("a" not in letters)
-        b_slave = (bits[:, letters == "s"] == 1).any(axis=1)
-        b_slave |= (bits[:, letters == "S"] == 0).any(axis=1)
-        selects = extended and ("s" in letters or "S" in letters)
-        half = np.where(b_slave, 1, 0 if selects else NONE)
-        calls = np.full(address.shape, call)
-        meaning[extended, known] = np.column_stack([calls, address, data, half])[known]
+    halves = {"A": 0, "B": 1, None: NONE}
+    for extended in (False, True):
+        for bits, one in all_requests(extended).items():
+            fields = one.call, one.address, one.data, halves[one.half]
+            meaning[int(extended), int(bits[1:-2], 2)] = fields
     return meaning
 
 

@@ -9,10 +9,10 @@ parity bit; the end bit does not count (claim kim2023-040 discusses the other in
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
+from itertools import product
 from typing import Any, Literal
 
 from shipnet import style
@@ -59,12 +59,6 @@ class Rule:
     def layout(self, extended: bool) -> str:
         """Return the pattern for an A/B slave if `extended`, otherwise for a standard slave."""
         return self.extended if extended and self.extended else self.pattern
-
-
-@cache
-def _reader(layout: str) -> re.Pattern[str]:
-    """Return a regular expression with one named group per distinct letter of a pattern."""
-    return re.compile(re.sub(r"([adsS])\1*", lambda n: f"(?P<{n[1]}>[01]{{{len(n[0])}}})", layout))
 
 
 class Call(IntEnum):
@@ -396,23 +390,8 @@ class Request:
         """Read the 14 bits of a request."""
         information = information_of(bits, REQUEST_BITS, "request")
         check_kind("extended", extended, bool)
-        for call in Call:
-            found = _reader(call.rule.layout(extended)).fullmatch(information)
-            if found is None:
-                continue
-            parts = found.groupdict()
-            address, data = int(information[1:6], 2), int(parts.get("d", "0"), 2)
-            if "a" in parts and address < call.rule.lowest_address:
-                continue
-            if call is Call.ASSIGN_ADDRESS and data == 0:
-                continue
-            half: Half | None = None
-            if parts.get("s") == "1" or parts.get("S") == "0":
-                half = "B"
-            elif extended and parts.keys() & {"s", "S"}:
-                # Select bit 0 means an A slave only if `extended`, otherwise a standard slave.
-                half = "A"
-            return cls(call, address, data, half)
+        if found := all_requests(extended).get(bits):
+            return found
         raise UnknownCallError(
             f"request {bits}: no call has control bit {information[0]}, address "
             f"{int(information[1:6], 2)} and information {information[6:]}"
@@ -459,6 +438,27 @@ class Request:
             ("A0~A4", "address", 5, "", "", ""),
             ("I0~I4", "information", 5, "", "", ""),
         )
+
+
+@cache
+def all_requests(extended: bool) -> dict[str, Request]:
+    """Return all requests, to A/B slaves if `extended`, otherwise to standard slaves, by bits.
+
+    Without extended addressing, select bit 0 means a standard slave, not an A slave.
+    """
+    found: dict[str, Request] = {}
+    for call in Call:
+        layout = call.rule.layout(extended)
+        addresses = range(call.rule.lowest_address, 32) if "a" in layout else [int(layout[1:6], 2)]
+        lowest = 1 if call is Call.ASSIGN_ADDRESS else 0
+        halves: tuple[Half | None, ...] = (None,)
+        if "s" in layout.lower():
+            halves = ("A" if extended else None, "B")
+        for half, address in product(halves, addresses):
+            for data in range(lowest, 2 ** layout.count("d")):
+                request = Request(call, address, data, half)
+                found[request.bits] = request
+    return found
 
 
 def _fields(*inner: tuple[str, str, int, str, str, str]) -> pd.DataFrame:

@@ -19,7 +19,7 @@ from shipnet import style
 from shipnet.arguments import checked
 from shipnet.arrays import Bools, Bytes, Floats, Indices, Integers
 from shipnet.can.frame import CRC_BITS, HEADS, RUN, TAIL, check_bit_rate
-from shipnet.can.lengths import CHUNK, frame_length
+from shipnet.can.lengths import frame_length
 from shipnet.can.log import Log, hexadecimal
 from shipnet.can.messages import BIT_RATES
 from shipnet.crc import CAN as CRC
@@ -40,6 +40,9 @@ from shipnet.line.scope_file import Edges, bit_time, read_edges
 _RATES = (*BIT_RATES, 100e3 / 3, 250e3 / 3, 2e6 / 21, 100e3, 200e3, 400e3, 800e3)
 _TRIED = 40_000  #: Number of edges used to compare bit rates.
 _FEWEST = 1.9  #: Minimum number of samples per bit: 2, less a margin for inaccurate clocks.
+#: Number of frames processed at once; their intermediate results fit into a core's cache.
+CHUNK = 2**13
+
 _IDLE = 9.5  #: Minimum number of recessive bits before a start of frame: 10, less a margin.
 _EDGES, _BITS = 160, 176  #: Limits on edges and bits per frame; the longest frame has 157 bits.
 _JUMP = 0.2  #: Largest resynchronisation at one edge [bit].

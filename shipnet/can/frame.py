@@ -60,6 +60,11 @@ def stuffed_region(n_bytes: int, extended: bool) -> int:
     return sum(map(len, HEADS[extended].values())) + 8 * n_bytes + CRC_BITS
 
 
+def crc_of(bits: str) -> int:
+    """Return the CRC of bits; its register starts at 0, so zeros before them do not change it."""
+    return CRC.of(int(bits, 2).to_bytes(-(-len(bits) // 8)))
+
+
 def check_bit_rate(bit_rate: float, low: float = 1000.0) -> float:
     """Return a bit rate as a float; raise an error unless it is `low`..1e6 bit/s."""
     return check_scalar("bit_rate", bit_rate, "bit/s", low, 1e6)
@@ -187,7 +192,7 @@ class Frame:
     def unstuffed(self) -> str:
         """The bits from start of frame to the end of the CRC sequence, without stuff bits."""
         checked = "".join(self._checked_parts().values())
-        return f"{checked}{CRC.of(checked):0{CRC_BITS}b}"
+        return f"{checked}{crc_of(checked):0{CRC_BITS}b}"
 
     @property
     def bits(self) -> str:
@@ -346,7 +351,7 @@ def decode(bits: str) -> Frame:
     line.reserved("r0")
     dlc = int(line.take("DLC", 4), 2)
     data = line.take("data", 8 * payload(dlc, remote == "1"))
-    expected = CRC.of(line.read)
+    expected = crc_of(line.read)
     received = int(line.take("CRC sequence", CRC_BITS), 2)
     line.skip_stuff_bit("CRC sequence")
     if received != expected:

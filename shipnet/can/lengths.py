@@ -1,19 +1,16 @@
-"""Lengths of CAN frames: bounds, mean lengths, and the exact lengths of millions of frames.
-
-Frames are measured byte by byte: a table gives the number of stuff bits for each state and byte.
-"""
+"""Lengths of CAN frames: bounds, mean lengths, and the exact lengths of millions of frames."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
-from typing import Literal, NamedTuple, overload
+from typing import Literal, overload
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Bools, Floats, Integers
-from shipnet.can.frame import INTERMISSION, RUN, TAIL, stuffed_region
+from shipnet.arrays import Floats, Integers
+from shipnet.can.frame import CRC_BITS, HEADS, INTERMISSION, RUN, TAIL, stuffed_region
+from shipnet.compiled import compiled
 from shipnet.crc import CAN as CRC
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
@@ -122,13 +119,6 @@ def frame_length(
     return np.asarray(columns[long.astype(np.intp), size.astype(np.intp)], dtype=np.float64)
 
 
-#: Number of frames processed at once; their intermediate results fit into a core's cache.
-CHUNK = 2**13
-
-#: States of the stuffing table: 0 before the mark, 1..4 after a run of 1..4 zeros, 5..8 of ones.
-_IDLE, _MARK = 0, 1 + (RUN - 1)
-
-
 def measure_frames(
     arbitration_id: npt.ArrayLike,
     data: npt.NDArray[np.integer],
@@ -139,75 +129,68 @@ def measure_frames(
 ) -> Integers:
     """Return the lengths of frames, including intermission [bit]; `data` has the shape (n, 8)."""
     number, code, long, asks = (
-        np.broadcast_to(np.asarray(values, dtype=kind), len(data))
-        for values, kind in (
-            (arbitration_id, np.int64), (dlc, np.int64), (extended, np.bool_), (remote, np.bool_)
-        )
-    )  # fmt: skip
-    carried = np.where(asks, 0, np.minimum(code, 8))
-    length = np.empty(len(data), dtype=np.int64)
-    for size in np.unique(carried).tolist():
-        alike = np.flatnonzero(carried == size)
-        for part in np.split(alike, range(CHUNK, len(alike), CHUNK)):
-            octets = data[part, :size].astype(np.uint8)
-            length[part] = _measure(octets, number[part], code[part], long[part], asks[part])
-    return length
+        np.broadcast_to(np.asarray(values, dtype=np.int64), len(data))
+        for values in (arbitration_id, dlc, extended, remote)
+    )
+    octets: Octets = np.ascontiguousarray(data, dtype=np.uint8).reshape(-1, 8)
+    payloads = octets.view(">i8").astype(np.int64).reshape(-1)
+    head = np.where(long, *(_head(number, kind, asks, code) for kind in (True, False)))
+    head_bits = np.where(long, *(stuffed_region(0, kind) - CRC_BITS for kind in (True, False)))
+    data_bits = np.where(asks, 0, 8 * np.minimum(code, 8))
+    steps = int((head_bits + data_bits + CRC_BITS).sum())
+    lengths = stuffed_lengths.run(
+        steps, head, head_bits, payloads, data_bits, CRC.polynomial, CRC_BITS, RUN
+    )
+    return lengths + _TAIL_BITS
 
 
-def _measure(
-    data: Octets, number: Integers, dlc: Integers, extended: Bools, remote: Bools
+def _head(number: Integers, extended: bool, remote: Integers, dlc: Integers) -> Integers:
+    """Return the bits before the data, field by field, as one integer."""
+    chosen = {
+        "base identifier": number >> 18 if extended else number,
+        "identifier extension": number % 2**18,
+        "RTR": remote,
+        "DLC": dlc,
+    }
+    head = np.zeros_like(number)
+    for name, bits in HEADS[extended].items():
+        head = head << len(bits) | (chosen[name] if name in chosen else int(bits))
+    return head
+
+
+@compiled
+def stuffed_lengths(
+    head: Integers,
+    head_bits: Integers,
+    data: Integers,
+    data_bits: Integers,
+    polynomial: int,
+    crc_bits: int,
+    run_length: int,
 ) -> Integers:
-    """Return the lengths of frames that have the same number of data bytes."""
-    # In an extended frame, SRR and IDE are bits 26 and 25 of the head.
-    long = number >> 18 << 27 | 3 << 25 | (number & 2**18 - 1) << 7
-    head = np.where(extended, long, number << 7) | remote * 64 | dlc
-    # One row per byte, so that each step covers all frames.
-    octets = np.empty((5 + data.shape[1] + 2, len(data)), dtype=np.uint8)
-    octets[:5] = head.astype(">u8").view(np.uint8).reshape(-1, 8)[:, 3:].T
-    octets[5:-2] = data.T
-    check = CRC.of(octets[:-2].T).astype(np.uint16)
-    # The inverse of the last CRC bit fills the last byte without causing a stuff bit.
-    octets[-2:] = (check << 1 | ~check & 1).astype(">u2").view(np.uint8).reshape(-1, 2).T
-    # A 1 before the start of frame, in bit 39 or 19 of the head, marks where the frame begins.
-    octets[0] |= extended * np.uint8(1 << 7)
-    octets[2] |= ~extended * np.uint8(1 << 3)
-    table = stuffing_table()
-    state = np.zeros(len(data), dtype=np.uint16)
-    stuffed = np.zeros(len(data), dtype=np.uint8)
-    for row in octets:
-        index = state | row
-        stuffed += table.stuffed.take(index)
-        state = table.state.take(index)
-    bare = np.array(length_table("none"), dtype=np.int64)[:, data.shape[1]]
-    length: Integers = stuffed + np.where(extended, bare[1], bare[0])
-    return length
+    """Return the number of bits up to the end of the CRC sequence, with stuff bits.
 
-
-class StuffingTable(NamedTuple):
-    """Next state (times 256) and number of stuff bits inserted, by state * 256 + byte."""
-
-    state: npt.NDArray[np.uint16]
-    stuffed: npt.NDArray[np.uint8]
-
-
-@cache
-def stuffing_table() -> StuffingTable:
-    """Return the table with which `measure_frames` counts stuff bits."""
-    size = (1 + 2 * (RUN - 1)) * 256
-    table = StuffingTable(np.zeros(size, np.uint16), np.zeros(size, np.uint8))
-    for index in range(size):
-        state, byte = divmod(index, 256)
-        stuffed = 0
-        for bit in map(int, f"{byte:08b}"):
-            if state == _IDLE:
-                state = _MARK if bit else _IDLE
-                continue
-            last, run = divmod(state - 1, RUN - 1)
-            run = run + 2 if bit == last else 1
-            if run == RUN:
-                bit, run = 1 - bit, 1
+    `data` contains 64 bits, of which the first `data_bits` are sent. The polynomial is subtracted
+    if the bit sent and the bit that leaves the CRC register differ. After the data, the register
+    itself is sent (Bosch, "CAN Specification" 2.0, 1991, part A, sections 3.1.1 and 5).
+    """
+    length, mask = np.zeros_like(head), 2**crc_bits - 1
+    for frame in range(len(head)):
+        checked = head_bits[frame] + data_bits[frame]
+        register, last, run, stuffed = 0, -1, 0, 0
+        for place in range(checked + crc_bits):
+            out = register >> (crc_bits - 1)
+            if place < head_bits[frame]:
+                bit = head[frame] >> (head_bits[frame] - 1 - place) & 1
+            elif place < checked:
+                bit = data[frame] >> (head_bits[frame] + 63 - place) & 1
+            else:
+                bit = out
+            register = register << 1 & mask ^ (bit ^ out) * polynomial
+            run = run + 1 if bit == last else 1
+            last = bit
+            if run == run_length:
                 stuffed += 1
-            state = 1 + bit * (RUN - 1) + run - 1
-        table.state[index] = state * 256
-        table.stuffed[index] = stuffed
-    return table
+                last, run = 1 - bit, 1
+        length[frame] = checked + crc_bits + stuffed
+    return length

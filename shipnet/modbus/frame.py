@@ -18,19 +18,16 @@ RTU_BYTES, MBAP_BYTES = 3, 7  #: Bytes added to a PDU: unit id and CRC in RTU; M
 
 
 def rtu_frame(unit_id: int, pdu: bytes) -> bytes:
-    """Return the RTU frame of a PDU."""
-    if not (type(unit_id) is int and 0 <= unit_id <= MAX_UNIT):
-        unit_id = check_whole("unit_id", unit_id, 0, MAX_UNIT)
-    body = bytes((unit_id,)) + checked_pdu(pdu)
+    """Return the RTU frame of a PDU: unit id, PDU, and CRC with its low byte first."""
+    body = check_whole("unit_id", unit_id, 0, MAX_UNIT).to_bytes() + pdu
     return body + MODBUS.of(body).to_bytes(2, "little")
 
 
 def tcp_frame(unit_id: int, pdu: bytes, transaction_id: int) -> bytes:
-    """Return the TCP frame of a PDU."""
-    body = checked_pdu(pdu)
+    """Return the TCP frame of a PDU: MBAP header and PDU."""
     unit = check_whole("unit_id", unit_id, 0, 255)
     transaction = check_whole("transaction_id", transaction_id, 0, 0xFFFF)
-    return pack(">HHHB", transaction, 0, len(body) + 1, unit) + body
+    return pack(">HHHB", transaction, 0, len(pdu) + 1, unit) + pdu
 
 
 def read_frame(data: bytes, framing: Framing) -> tuple[int, bytes, int | None]:
@@ -55,8 +52,6 @@ def read_frame(data: bytes, framing: Framing) -> tuple[int, bytes, int | None]:
 
 def checked_pdu(pdu: bytes) -> bytes:
     """Return a bytes-like PDU as bytes; raise an error unless it has 1..253 bytes."""
-    if type(pdu) is bytes and 1 <= len(pdu) <= MAX_PDU:
-        return pdu
     if not isinstance(pdu, bytes | bytearray | memoryview) or not 1 <= len(pdu) <= MAX_PDU:
         raise ArgumentError(f"pdu is {pdu!r}; it must be 1..{MAX_PDU} bytes")
     return bytes(pdu)

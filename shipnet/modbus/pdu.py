@@ -38,6 +38,7 @@ from shipnet.modbus.frame import (
 READ_LIMITS = {1: 2000, 2: 2000, 3: 125, 4: 125}
 WRITE_LIMITS = {5: 1, 6: 1, 15: 1968, 16: 123}
 
+_FOR = {code: f" for function code {code}" for code in READ_LIMITS}
 _COILS, _CODES = frozenset({1, 2, 5, 15}), "1..6, 15 or 16"
 
 
@@ -129,17 +130,18 @@ def _sequence(name: str, values: Iterable[Any], most: int) -> tuple[Any, ...]:
     return found
 
 
+_FUNCTIONS = {int(code): code for code in FunctionCode}
+
+
 def _function(value: int) -> FunctionCode:
     try:
-        return FunctionCode(value)
-    except ValueError:
+        return _FUNCTIONS[value]
+    except (KeyError, TypeError):
         raise ArgumentError(f"function is {value!r}; it must be {_CODES}") from None
 
 
 class _Framed:
     """A PDU that can be put into a frame."""
-
-    __slots__ = ()
 
     @property
     def pdu(self) -> bytes:
@@ -155,7 +157,7 @@ class _Framed:
         return tcp_frame(unit_id, self.pdu, transaction_id)
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, init=False, repr=False)
 class Request(_Framed):
     """A request; its class methods have the names of the standard's functions.
 
@@ -195,62 +197,71 @@ class Request(_Framed):
     coils: tuple[bool, ...] = ()
     registers: tuple[int, ...] = ()
 
-    def __post_init__(self) -> None:
-        put = object.__setattr__
-        if type(self.function) is not FunctionCode:
-            put(self, "function", _function(self.function))
-        # A plain int: the hash of an enum is slow.
-        code, address, quantity = int(self.function), self.address, self.quantity
-        if not (type(address) is int and 0 <= address <= 0xFFFF):
-            put(self, "address", check_whole("address", address, 0, 0xFFFF))
-        if code in WRITE_LIMITS:
-            _check_values(self, WRITE_LIMITS[code])
-            put(self, "quantity", len(self.coils or self.registers))
-        elif not (type(quantity) is int and 1 <= quantity <= READ_LIMITS[code]):
-            why = f" for function code {code}"
-            put(self, "quantity", check_whole("quantity", quantity, 1, READ_LIMITS[code], why))
+    def __init__(
+        self,
+        function: int,
+        address: int,
+        quantity: int = 0,
+        coils: Iterable[bool] = (),
+        registers: Iterable[int] = (),
+    ) -> None:
+        stored = vars(self)  # `object.__setattr__` is slow
+        stored["function"] = _function(function)
+        if function in READ_LIMITS:
+            why = _FOR[function]
+            quantity = check_whole("quantity", quantity, 1, READ_LIMITS[function], why)
+            coils = registers = ()
+        elif function in _COILS:
+            coils, registers = check_coils(coils, WRITE_LIMITS[function]), ()
+            quantity = len(coils)
+        else:
+            coils, registers = (), check_registers(registers, WRITE_LIMITS[function])
+            quantity = len(registers)
+        stored["coils"], stored["registers"] = coils, registers
+        stored["address"] = check_whole("address", address, 0, 0xFFFF)
+        stored["quantity"] = quantity
 
     @classmethod
     def read_coils(cls, address: int, quantity: int) -> Request:
         """Request to read 1..2000 coils, function code 1."""
-        return cls(FunctionCode.READ_COILS, address, quantity)
+        return cls(1, address, quantity)
 
     @classmethod
     def read_discrete_inputs(cls, address: int, quantity: int) -> Request:
         """Request to read 1..2000 discrete inputs, function code 2."""
-        return cls(FunctionCode.READ_DISCRETE_INPUTS, address, quantity)
+        return cls(2, address, quantity)
 
     @classmethod
     def read_holding_registers(cls, address: int, quantity: int) -> Request:
         """Request to read 1..125 holding registers, function code 3."""
-        return cls(FunctionCode.READ_HOLDING_REGISTERS, address, quantity)
+        return cls(3, address, quantity)
 
     @classmethod
     def read_input_registers(cls, address: int, quantity: int) -> Request:
         """Request to read 1..125 input registers, function code 4."""
-        return cls(FunctionCode.READ_INPUT_REGISTERS, address, quantity)
+        return cls(4, address, quantity)
 
     @classmethod
     def write_single_coil(cls, address: int, value: bool) -> Request:
         """Request to write one coil, function code 5."""
         coils = check_coils((value,), 1, "value")
-        return cls(FunctionCode.WRITE_SINGLE_COIL, address, coils=coils)
+        return cls(5, address, coils=coils)
 
     @classmethod
     def write_single_register(cls, address: int, value: int) -> Request:
         """Request to write one holding register, function code 6."""
         registers = check_registers((value,), 1, "value")
-        return cls(FunctionCode.WRITE_SINGLE_REGISTER, address, registers=registers)
+        return cls(6, address, registers=registers)
 
     @classmethod
     def write_multiple_coils(cls, address: int, coils: Iterable[bool]) -> Request:
         """Request to write 1..1968 adjacent coils, function code 15."""
-        return cls(FunctionCode.WRITE_MULTIPLE_COILS, address, coils=coils)  # type: ignore[arg-type]
+        return cls(15, address, coils=coils)
 
     @classmethod
     def write_multiple_registers(cls, address: int, registers: Iterable[int]) -> Request:
         """Request to write 1..123 adjacent holding registers, function code 16."""
-        return cls(FunctionCode.WRITE_MULTIPLE_REGISTERS, address, registers=registers)  # type: ignore[arg-type]
+        return cls(16, address, registers=registers)
 
     @classmethod
     def parse(cls, pdu: bytes) -> Request:
@@ -260,9 +271,9 @@ class Request(_Framed):
         code = data[0]
         try:
             if code in READ_LIMITS:
-                return cls(FunctionCode(code), address, number)
+                return cls(code, address, number)
             if code in (5, 6):
-                return cls(FunctionCode(code), address, **_single(code, number))
+                return cls(code, address, **_single(code, number))
             if code == 16:
                 return cls.write_multiple_registers(address, _registers(values, number))
             if -(-number // 8) != len(values):
@@ -360,8 +371,10 @@ class Response(_Framed):
         function = _function(self.function)
         put(self, "function", function)
         code = int(function)
-        if code <= 6:
-            _check_values(self, READ_LIMITS.get(code, 1))
+        if code <= 6 and code in _COILS:
+            put(self, "coils", check_coils(self.coils, READ_LIMITS.get(code, 1)))
+        elif code <= 6:
+            put(self, "registers", check_registers(self.registers, READ_LIMITS.get(code, 1)))
         if code in WRITE_LIMITS:
             address: Any = self.address
             put(self, "address", check_whole("address", address, 0, 0xFFFF))
@@ -409,14 +422,6 @@ class Response(_Framed):
 def _named(code: int, values: tuple[Any, ...]) -> dict[str, Any]:
     """Return values as a keyword argument: coils or registers, depending on the function code."""
     return {"coils" if code in _COILS else "registers": values}
-
-
-def _check_values(message: Request | Response, most: int) -> None:
-    """Check the coils or registers of a message, and store them as a tuple."""
-    if message.function in _COILS:
-        object.__setattr__(message, "coils", check_coils(message.coils, most))
-    else:
-        object.__setattr__(message, "registers", check_registers(message.registers, most))
 
 
 def _values(message: Request | Response) -> bytes:
@@ -534,11 +539,9 @@ class Adu:
     transaction_id: int | None = None
 
     def __post_init__(self) -> None:
-        put, unit, pdu = object.__setattr__, self.unit_id, self.pdu
-        if not (type(unit) is int and 0 <= unit <= 255):
-            put(self, "unit_id", check_whole("unit_id", unit, 0, 255))
-        if not (type(pdu) is bytes and 1 <= len(pdu) <= MAX_PDU):
-            put(self, "pdu", checked_pdu(getattr(pdu, "pdu", pdu)))
+        put, pdu = object.__setattr__, getattr(self.pdu, "pdu", self.pdu)
+        put(self, "unit_id", check_whole("unit_id", self.unit_id, 0, 255))
+        put(self, "pdu", checked_pdu(pdu))
         if self.transaction_id is not None:
             number = check_whole("transaction_id", self.transaction_id, 0, 0xFFFF)
             put(self, "transaction_id", number)

@@ -1,13 +1,39 @@
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis.extra import numpy as hnp
 
-from shipnet.asi import Request, Requests, Response
+from shipnet.asi import Call, Request, Requests, Response
 from shipnet.asi.batch import NONE, parse_responses
+from shipnet.asi.telegram import all_requests
 from shipnet.errors import ArgumentError, FrameError, LengthError
 
+LETTER = re.compile(r"([adsS])\1*")
 HALVES = {None: NONE, "A": 0, "B": 1}
+
+
+@pytest.mark.parametrize("extended", [False, True])
+def test_the_patterns_of_the_data_sheet_say_which_words_are_requests(extended):
+    read: dict[str, list[Request]] = {}
+    for bits, request in all_requests(extended).items():
+        read.setdefault(bits[1:-2], []).append(request)
+    for information in range(2**11):
+        word = f"{information:011b}"
+        meanings = []
+        for call in Call:
+            layout = call.rule.layout(extended)
+            pattern = LETTER.sub(lambda n: f"(?P<{n[1]}>[01]{{{len(n[0])}}})", layout)
+            if found := re.fullmatch(pattern, word):
+                data, address = int(found.groupdict().get("d", "0"), 2), int(word[1:6], 2)
+                addressed = "a" not in found.groupdict() or address >= call.rule.lowest_address
+                if addressed and (data or call is not Call.ASSIGN_ADDRESS):
+                    select = found.groupdict().get("s", "01"[found.groupdict().get("S") == "0"])
+                    selects = extended and "s" in layout.lower()
+                    half = "B" if select == "1" else "A" if selects else None
+                    meanings.append(Request(call, address, data, half))
+        assert meanings == read.get(word, [])
 
 
 @pytest.mark.parametrize("extended", [False, True])

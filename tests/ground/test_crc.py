@@ -13,9 +13,13 @@ from shipnet.errors import ArgumentError, SymbolError
 # Two that the standard library computes too: one per direction, one with a final XOR.
 XMODEM = Crc("CRC-16/XMODEM", 16, 0x1021)
 ISO_HDLC = Crc("CRC-32/ISO-HDLC", 32, 0x04C11DB7, 0xFFFFFFFF, 0xFFFFFFFF, reflected=True)
-ALL = [CAN, MODBUS, XMODEM, ISO_HDLC]
+# The narrowest and the widest.
+SMBUS = Crc("CRC-8/SMBUS", 8, 0x07)
+WE = Crc("CRC-64/WE", 64, 0x42F0E1EBA9EA3693, 2**64 - 1, 2**64 - 1)
+XZ = Crc("CRC-64/XZ", 64, 0x42F0E1EBA9EA3693, 2**64 - 1, 2**64 - 1, reflected=True)
+ALL = [CAN, MODBUS, XMODEM, ISO_HDLC, SMBUS, WE, XZ]
 #: Check values of b"123456789" in the catalogue.
-CHECKS = [0x059E, 0x4B37, 0x31C3, 0xCBF43926]
+CHECKS = [0x059E, 0x4B37, 0x31C3, 0xCBF43926, 0xF4, 0x62EC59E3F1A4F00A, 0x995DC9BBDF1939FA]
 
 
 def remainder(algorithm, bits):
@@ -93,6 +97,14 @@ def test_an_empty_message_gives_the_initial_register(check, first):
 def test_other_data_are_refused(data, error, message):
     with pytest.raises(error, match=message):
         CAN.of(data)
+
+
+@pytest.mark.parametrize("name", ["polynomial", "init", "xorout"])
+def test_a_number_of_more_bits_than_the_register_is_refused(name):
+    most = {"polynomial": 0x7FFF, "init": 0x7FFF, "xorout": 0x7FFF}
+    assert 0 <= Crc("x", 15, **most).of(b"a") <= 0x7FFF
+    with pytest.raises(ArgumentError, match=rf"{name} is 50585; .* 0\.\.32767, 15 bits"):
+        Crc("x", 15, **most | {name: 0xC599})
 
 
 @pytest.mark.parametrize("check", [CAN, MODBUS])

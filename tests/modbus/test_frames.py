@@ -1,6 +1,8 @@
 """Frames and PDUs: reference frames, faults by field, and pymodbus byte by byte."""
 
 import csv
+import pickle
+from dataclasses import FrozenInstanceError, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +25,7 @@ from shipnet.errors import (
     UnknownCallError,
 )
 from shipnet.modbus.frame import rtu_frame, tcp_frame
-from shipnet.modbus.pdu import Adu, Request, Response, decode
+from shipnet.modbus.pdu import Adu, FunctionCode, Request, Response, decode
 
 VECTORS = Path(__file__).parents[1] / "reference" / "modbus" / "modbus_crc_vectors.csv"
 WORD, UNIT = st.integers(0, 0xFFFF), st.integers(1, 247)
@@ -236,7 +238,7 @@ def test_the_largest_of_each_kind_fits_the_longest_frame():
         (lambda: Response(3, exception=7), "exception is 7"),
         (lambda: Response(128, exception=1), "function is 128"),
         (lambda: rtu_frame(248, b"\1"), r"unit_id is 248.*0\.\.247"),
-        (lambda: rtu_frame(1, b""), r"1\.\.253 bytes"),
+        (lambda: Adu(1, b""), r"1\.\.253 bytes"),
         (lambda: Adu(1, bytes(254)), r"1\.\.253 bytes"),
         (lambda: tcp_frame(256, b"\1", 0), "unit_id is 256"),
         (lambda: tcp_frame(1, b"\1", 65536), r"^transaction_id is 65536; .*0\.\.65535$"),
@@ -418,3 +420,15 @@ def test_frames_to_reserved_unit_ids_are_refused_though_their_crc_is_right():
     for row in rows[247:]:
         with pytest.raises(FieldError, match=r"unit id is .*0\.\.247"):
             decode(row)
+
+
+def test_a_request_keeps_only_what_its_function_code_sends():
+    made = Request(3, 7.0, 2, coils=None, registers="none")
+    assert made == Request.read_holding_registers(7, 2) and made.coils == made.registers == ()
+    assert hash(made) == hash(Request.read_holding_registers(7, 2))
+    assert type(made.function) is FunctionCode and type(made.address) is int
+    assert Request(6, 1, 99, coils=[True], registers=[5]) == Request.write_single_register(1, 5)
+    assert replace(made, quantity=3).rtu(1) == Request.read_holding_registers(7, 3).rtu(1)
+    assert pickle.loads(pickle.dumps(made)) == made
+    with pytest.raises(FrozenInstanceError):
+        made.address = 1
