@@ -185,24 +185,11 @@ NOBODY, UNUSUAL = -1, -2
 
 @compiled
 def run_cycles(
-    keys: Indices,
-    polled: int,
-    attempt: int,
-    record: Rows,
-    row: int,
-    time: float,
-    requests: Rows,
-    slaves: Indices,
-    states: States,
-    disturbances: Rows,
-    errors: Integers,
-    failures: Integers,
-    repetitions: int,
-    drop_after: int,
-    transaction: tuple[float, float, float, float, float],
-    until: float,
-    event: float,
-) -> tuple[int, int, int, float]:
+    keys: Indices, polled: int, attempt: int, record: Rows, row: int, time: float,
+    requests: Rows, slaves: Indices, states: States, disturbances: Rows, errors: Integers,
+    failures: Integers, repetitions: int, drop_after: int,
+    transaction: tuple[float, float, float, float, float], until: float, event: float,
+) -> tuple[int, int, int, float]:  # fmt: skip
     """Simulate cycles, telegram by telegram, and record the transactions; times are in bits.
 
     A row of `keys` is a cycle: the master polls the first slaves, as many as are `polled` (phase
@@ -280,15 +267,9 @@ class Channel:
     """
 
     def __init__(
-        self,
-        stations: Stations,
-        transaction: Transaction,
-        attempts: int,
-        rng: np.random.Generator,
-        *,
-        cycles: float = inf,
-        until: float = inf,
-    ) -> None:
+        self, stations: Stations, transaction: Transaction, attempts: int,
+        rng: np.random.Generator, cycles: float, until: float,
+    ) -> None:  # fmt: skip
         """Simulate `cycles` cycles, or until the time `until` [bit]."""
         self.stations, self.transaction = stations, transaction
         self.cycles, self.until = cycles, until
