@@ -407,6 +407,8 @@ class Channel:
         If all is usual, simulate many cycles; the next phase is then the data exchange of another.
         """
         polled, attempt = len(master.lists.schedule[0]), 0
+        if polled and not self.over:
+            self.happen(self.time + REQUEST_BITS)
         drawn = _CHUNK - (self.begun - 1) % _CHUNK
         keys = master.ahead(int(min(drawn, self.cycles - self.begun + 1)))
         while keys.size:

@@ -428,6 +428,16 @@ def test_a_command_reports_its_outcome(command, says):
     assert run.masters[-1].lists.las == ["1", "2", "3"]
 
 
+@pytest.mark.parametrize("bits", [1, 13, 27, 100])
+@pytest.mark.parametrize("cycle", [0, 10])
+def test_a_command_is_carried_out_in_the_cycle_in_which_it_is_given(cycle, bits):
+    # Three exchanges of 26 bit times precede the management phase.
+    start = simulate(THREE, cycles=12).events().groupby("cycle")["time_s"].first()[cycle]
+    run = simulate(THREE, cycles=20, commands=[(start + bits * BIT_TIME, ReadCodes("2"))])
+    asked = run.events().query("phase == 'management' and call != 'READ_STATUS'")
+    assert asked["cycle"].iloc[0] == (cycle if bits < 78 else cycle + 1)
+
+
 def test_a_slave_that_is_dropped_while_it_is_activated_again_stays_dropped():
     # It misses its polls in the three cycles in which it is reset and receives parameters and data.
     drawn = undisturbed(20, 3)
