@@ -58,7 +58,8 @@ class Standby:
 
     def _listen(self, record: Rows, cycle: int) -> dict[str, int]:
         """Return the outputs of each projected slave that answered since two cycles before."""
-        rows = record[(record["cycle"] >= max(cycle - 2, 0)) & (record["outcome"] == 0)]
+        recent = np.maximum.accumulate(record["cycle"]) >= max(cycle - 2, 0)
+        rows = record[recent & (record["outcome"] == 0)]
         good = rows[rows["call"] == Call.DATA_EXCHANGE]
         known = dict(zip(_labels(good), good["data"].tolist(), strict=True))
         return {
@@ -280,7 +281,8 @@ class Run:
     def cycle_times(self) -> Floats:
         """Length of each complete cycle, shape (n_cycles,) [s]."""
         cycle = np.append(self.record["cycle"], self.masters[-1].cycle)
-        first = np.flatnonzero(np.diff(cycle, prepend=-2))
+        standby = np.append(self.record["standby"], len(self.masters) > 1)
+        first = np.flatnonzero(np.diff(cycle, prepend=-2) | np.diff(standby, prepend=False))
         starts = np.append(self.record["start"], self.end)[first]
         complete = (cycle[first][:-1] >= 0) & (np.diff(cycle[first]) == 1)
         return np.asarray(np.diff(starts)[complete] * self.transaction.bit_time)

@@ -594,6 +594,15 @@ def test_a_standby_master_hears_both_halves():
     assert len({time for time, *_ in run.masters[-1].lists.changes}) == 1
 
 
+def test_the_first_cycle_of_a_standby_master_does_not_contain_the_silence():
+    # The first master fails in its cycle 0, too.
+    failure = MasterFailure(start=simulate(THREE, cycles=0).end * BIT_TIME + 40 * BIT_TIME)
+    standby = Standby(Master(PROJECTED), silence=20e-3)
+    run = simulate(THREE, until=0.1, faults=failure, standby=standby)
+    assert run.events()["standby"].any()
+    assert run.cycle_times.max() < 1e-3
+
+
 # Statistics.
 
 
