@@ -3,175 +3,126 @@
 from __future__ import annotations
 
 import heapq
-from array import array
 from collections.abc import Callable, Sequence
-from functools import cached_property
-from typing import TypeAlias
+from dataclasses import astuple
+from functools import cache
+from math import inf, nan
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Floats, Integers
-from shipnet.asi.master import FAULTY, SILENT, Phase
+from shipnet.arrays import Indices, Integers
+from shipnet.asi.batch import NONE
+from shipnet.asi.master import FAULTY, SILENT, Phase, RunningMaster
 from shipnet.asi.modulation import ONE_PULSE_CODES, collide
-from shipnet.asi.slave import KINDS, OBEY, PreparedRequest, RunningSlave, Slave, slave_key
+from shipnet.asi.slave import (
+    KINDS,
+    MOVING,
+    OBEY,
+    STATE,
+    RunningSlave,
+    Slave,
+    States,
+    as_read,
+    exchange,
+    slave_key,
+)
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Request, Response
 from shipnet.asi.timing import Transaction
-from shipnet.errors import ArgumentError, SilenceError, name_of
+from shipnet.compiled import compiled
+from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import check_whole
-from shipnet.lazy import pd
 
-# The record has one row per transaction: its start, the pause before the response, and all other
-# fields packed into one integer, which is quick to write during a simulation.
+Rows: TypeAlias = npt.NDArray[np.void]
 
-#: Position of the lowest bit of each field; bits 0..15 are `PreparedRequest.code`.
-ATTEMPT, PHASE, OUTCOME, RESPONSE, EXECUTED, STANDBY = 16, 19, 22, 26, 31, 32
+#: The record of a simulation has one row per transaction.
+TRANSACTION = np.dtype(
+    [
+        ("start", float),  # start of the request [bit]
+        ("attempt", np.int64),  # 0 is the first
+        ("outcome", np.int64),  # 0, or the code of an error
+        ("pause", float),  # pause before the response [bit]; NaN if there was none
+        ("response", np.int64),  # data of the response; -1 if it cannot be read
+        ("executed", bool),
+        ("phase", np.int64),
+        ("cycle", np.int64),  # -1 before data exchange
+        ("standby", bool),
+        ("request", "S14"),
+        ("call", np.int64),
+        ("address", np.int64),
+        ("half", np.int64),  # index in `KINDS`
+        ("data", np.int64),
+    ]
+)
 
-#: Value of the response field if there is no readable response.
-NO_RESPONSE = 16
+#: Attempt, outcome, pause, response and execution of a request that nobody answers.
+_UNANSWERED = (0, SilenceError.code, nan, -1, False)
 
-#: Slave labels by code: bits 0..4 are the address, bits 5 and 6 the half (0 none, 1 A, 2 B).
-LABELS = np.array([f"{code & 31}{('', 'A', 'B', '')[code >> 5]}" for code in range(1 << 7)])
+# Disturbances ----------------------------------------------------------------------------------
 
-_OUTCOMES = [name_of(code) for code in range(SilenceError.code + 1)]
-
-
-class Record:
-    """Record of a simulation's transactions, with one growing array per column."""
-
-    def __init__(self, transaction: Transaction) -> None:
-        self.transaction = transaction
-        self.start = array("d")
-        self.pause = array("d")
-        self.code = array("q")
-        self.cycles: list[tuple[int, int]] = []
-
-    def field(self, shift: int, bits: int) -> Integers:
-        """Return a packed field of every row: `bits` bits, beginning with bit `shift`."""
-        return np.frombuffer(self.code, dtype=np.int64) >> shift & (1 << bits) - 1
-
-    @cached_property
-    def starts(self) -> Floats:
-        """Start time of each request [bit]."""
-        return np.frombuffer(self.start, dtype=np.float64)
-
-    @cached_property
-    def pauses(self) -> Floats:
-        """Pause before each response [bit]; NaN if there was no response."""
-        return np.frombuffer(self.pause, dtype=np.float64)
-
-    @cached_property
-    def cycle(self) -> Integers:
-        """Cycle number of each row; -1 in the phases before data exchange."""
-        cycle = np.full(self.starts.size, -1, dtype=np.int64)
-        if self.cycles:
-            rows, numbers = np.array(self.cycles).T
-            ends = np.append(rows[1:], self.starts.size)
-            cycle[rows[0] :] = np.repeat(numbers, ends - rows)
-        return cycle
-
-    def table(self) -> pd.DataFrame:
-        """Return the record as a table with names instead of codes."""
-        call, address, half = self.field(0, 4), self.field(4, 5), self.field(9, 2)
-        data, outcome, response = self.field(11, 5), self.field(OUTCOME, 4), self.field(RESPONSE, 5)
-        executed = self.field(EXECUTED, 1).astype(bool)
-        which, different = pd.factorize(self.field(0, 16))
-        requests = np.array([_bits(code) for code in different.tolist()], dtype="U14")
-
-        def named(codes: Integers, names: Sequence[str]) -> pd.Categorical[str]:
-            whole = pd.Categorical.from_codes(codes, pd.Index(names))
-            return whole.remove_unused_categories()
-
-        return pd.DataFrame(
-            {
-                "time_s": self.starts * self.transaction.bit_time,
-                "cycle": self.cycle,
-                "phase": named(self.field(PHASE, 3), [phase.name.lower() for phase in Phase]),
-                "call": named(call, [call.name for call in Call]),
-                "address": address,
-                "half": named(half, ["", "A", "B"]),
-                "slave": LABELS[self.field(4, 7)],
-                "request": requests[which],
-                "request_data": data,
-                "response_data": np.where(response == NO_RESPONSE, -1, response),
-                "master_pause_bit": self.pauses,
-                "slave_pause_bit": np.where(
-                    np.isnan(self.pauses), np.nan, self.transaction.slave_pause
-                ),
-                "attempt": self.field(ATTEMPT, 3),
-                "outcome": named(outcome, _OUTCOMES),
-                "executed": executed,
-                "executed_but_lost": executed & (outcome > 0),
-                "standby": self.field(STANDBY, 1).astype(bool),
-            }
-        )
-
-
-def _bits(code: int) -> str:
-    """Return the bits of the request that has a given `PreparedRequest.code`."""
-    return Request(Call(code & 15), code >> 4 & 31, code >> 11, KINDS[code >> 9 & 3]).bits
-
-
-#: Bits 0 and 1 of a disturbance: the slave misses the request, or it missed the previous request,
-#: which went to another slave. Bits 2..7 are the variant of a disturbed response, or 0.
-REQUEST_LOST, MISSED = 1, 2
-
-#: Number of ways to disturb one pulse of a response; the variants are numbered from 1.
+#: Number of ways to disturb one pulse of a response; the ways are numbered from 1.
 VARIANTS = len(ONE_PULSE_CODES[0])
 
-#: Number of phases per cycle: data exchange, management and inclusion.
-PLANES = 3
+#: Disturbance of a request to a slave and of its response.
+DISTURBANCE = np.dtype(
+    [
+        ("lost", bool),  # the slave misses the request
+        ("missed", bool),  # it missed the previous request, which went to another slave
+        ("variant", np.uint8),  # how its response is disturbed; 0 if it is not
+    ]
+)
 
-Bytes = npt.NDArray[np.uint8]
+#: Error code of each response 0..15, by `variant`.
+_ERRORS = np.pad(np.array(ONE_PULSE_CODES, dtype=np.int64), ((0, 0), (1, 0)))
+
+#: Number of phases per cycle: data exchange, management and inclusion.
+PHASES = 3
 
 
 def draw_disturbances(
     rng: np.random.Generator, n_cycles: int, rates: Sequence[tuple[float, float]], attempts: int
-) -> Bytes:
-    """Draw independent disturbances as bytes, of shape (n_cycles, 3, n_slaves, attempts).
+) -> Rows:
+    """Draw independent `DISTURBANCE` values, of shape (n_cycles, 3, n_slaves, attempts).
 
     `rates` contains each slave's probabilities of a missed request and of a disturbed response.
     """
-    drawn = np.zeros((n_cycles, PLANES, len(rates), attempts), dtype=np.uint8)
-    plane = (n_cycles, PLANES, attempts)
-    for slave, (lost, garbled) in enumerate(rates):
+    drawn = np.zeros((n_cycles, PHASES, len(rates), attempts), dtype=DISTURBANCE)
+    shape = (n_cycles, PHASES, attempts)
+    for slave, (lost, disturbed) in enumerate(rates):
+        own = drawn[:, :, slave]
         if lost > 0:
-            drawn[..., slave, :] |= (rng.random(plane) < lost) * np.uint8(REQUEST_LOST)
-            drawn[..., slave, :] |= (rng.random(plane) < lost) * np.uint8(MISSED)
-        if garbled > 0:
-            variant = rng.integers(1, VARIANTS + 1, plane, dtype=np.uint8) << 2
-            drawn[..., slave, :] |= np.where(rng.random(plane) < garbled, variant, 0)
+            own["lost"] = rng.random(shape) < lost
+            own["missed"] = rng.random(shape) < lost
+        if disturbed > 0:
+            variant = rng.integers(1, VARIANTS + 1, shape, dtype=np.uint8)
+            own["variant"] = np.where(rng.random(shape) < disturbed, variant, 0)
     return drawn
 
 
-class Station:
+# Stations --------------------------------------------------------------------------------------
+
+
+class Station(RunningSlave):
     """A simulated slave, its position on the line and its disturbances."""
 
-    __slots__ = (
-        "cuts", "heard", "lost_replies", "name", "offset", "pause", "position", "quiet", "rates",
-        "since", "slave",
-    )  # fmt: skip
-
-    def __init__(self, slave: RunningSlave, position: float = 0.0, pause: float = 3.0) -> None:
-        self.slave, self.position, self.pause = slave, position, pause
+    def __init__(
+        self, settings: Slave, states: States, place: int, position: float, delay: float
+    ) -> None:
+        super().__init__(settings, states, place)
+        self.position, self.fields["delay"] = position, delay
         #: Label at the start of the simulation.
-        self.name = slave.label
+        self.name = self.label
         #: Probabilities of a missed request and of a disturbed response.
         self.rates = (0.0, 0.0)
-        #: True while drawn disturbances are ignored.
-        self.quiet = False
         #: Number of responses that are still to be lost, by call.
         self.lost_replies: dict[Call, int] = {}
         #: Number of active faults that disconnect the slave from the supply.
         self.cuts = 0
-        #: Numbers of the last request to the slave, and of the first to any slave since power-on.
-        self.heard, self.since = -1, 1
-        #: Index of the slave's first disturbance among the disturbances of one phase.
-        self.offset = 0
 
-    def check_pause(self, transaction: Transaction, late: float = 0.0) -> None:
+    def check_delay(self, transaction: Transaction, late: float = 0.0) -> None:
         """Raise ArgumentError if `late` < 0 or a response may begin after the next request ends."""
-        pause = self.pause + transaction.unsynchronised + late
+        pause = self.fields["delay"] + transaction.unsynchronised + late
         most = transaction.timeout + REQUEST_BITS
         if not (late >= 0 and pause < most):
             raise ArgumentError(
@@ -189,11 +140,12 @@ class Stations(dict[str, list[Station]]):
         """Place each slave at a distance from the master [m], with a propagation delay [s]."""
         super().__init__()
         check_whole("number of slaves", len(placed), 0, 1000)
-        self.all = []
+        self.all: list[Station] = []
+        self.states = np.zeros(len(placed), STATE)
         for slave, position, delay in placed:
             pause = transaction.master_pause + 2 * delay / transaction.bit_time
-            station = Station(RunningSlave(slave), position, pause)
-            station.check_pause(transaction)
+            station = Station(slave, self.states, len(self.all), position, pause)
+            station.check_delay(transaction)
             self.all.append(station)
             self.setdefault(station.name, []).append(station)
 
@@ -204,15 +156,99 @@ class Stations(dict[str, list[Station]]):
         )
 
 
-_NEVER = float("inf")
-_NAN = float("nan")
-_EXECUTED = 1 << EXECUTED
+# The telegrams ---------------------------------------------------------------------------------
+
+
+@compiled
+def receive(
+    states: States, slave: int, number: int, lost: bool, missed: bool, unsynchronised: float
+) -> float:
+    """Let a slave receive a request; return its pause before the response, or -1 if it is lost.
+
+    Requests are numbered. A slave that `missed` the previous request, to whichever slave, or had no
+    supply then, is not synchronised and waits longer, by `unsynchronised`.
+    """
+    if states["asked"][slave] != number - 1:
+        states["synchronised"][slave] = not missed and states["since"][slave] < number
+    states["asked"][slave] = number
+    pause = states["delay"][slave]
+    if not states["synchronised"][slave]:
+        pause += unsynchronised
+    states["synchronised"][slave] = not lost
+    return -1.0 if lost else pause
+
+
+#: In place of a slave's index: nobody hears a request; or the transaction is unusual, which only
+#: `Channel.transact` can simulate.
+NOBODY, UNUSUAL = -1, -2
+
+
+@compiled
+def run_cycles(
+    keys: Indices, polled: int, attempt: int, record: Rows, row: int, time: float,
+    requests: Rows, slaves: Indices, states: States, disturbances: Rows, errors: Integers,
+    failures: Integers, repetitions: int, drop_after: int,
+    transaction: tuple[float, float, float, float, float], until: float, event: float,
+) -> tuple[int, int, int, float]:  # fmt: skip
+    """Simulate cycles, telegram by telegram, and record the transactions; times are in bits.
+
+    A row of `keys` is a cycle: the master polls the first slaves, as many as are `polled` (phase
+    0), reads the status of one (1), and looks for a slave at a vacant address (2). It repeats a
+    failed request at once. `slaves` is -1 where nobody hears a request, and -2 if the transaction
+    is unusual. Stop before it, before an event, and before the master drops a slave.
+    """
+    _, slave_pause, bit_time, unsynchronised, timeout = transaction
+    step = 0
+    while step < keys.size and time < until:
+        # The master sends a request.
+        cycle, place = step // keys.shape[1], step % keys.shape[1]
+        phase, key = max(0, place - polled + 1), keys[cycle, place]
+        slave, end = slaves[phase, key], time + 14
+        watchdog = phase == 0 and slave >= 0 and end * bit_time > states["expires"][slave]
+        if slave == -2 or watchdog or end >= event:
+            break
+        record[row] = requests[phase, key]
+        record["start"][row], record["attempt"][row] = time, attempt
+        record["cycle"][row] += cycle
+        time = end + timeout
+        failed = True
+
+        # A slave hears it, unless a fault strikes, and responds; its status is 0.
+        data = variant = -1
+        if slave >= 0:
+            fault, loud = disturbances[cycle, phase, slave, attempt], not states["quiet"][slave]
+            lost, missed = loud and fault["lost"], loud and fault["missed"]
+            pause = receive(states, slave, row + 1, lost, missed, unsynchronised)
+            variant = fault["variant"] if loud else 0
+            if not lost:
+                outputs = requests["data"][phase, key]
+                data = exchange(states, slave, outputs, end * bit_time) if phase == 0 else 0
+
+        # The master hears the response, which a fault may have disturbed.
+        if data >= 0:
+            error = errors[data, variant]
+            failed = error > 0
+            record["executed"][row], record["pause"][row] = True, pause
+            record["outcome"][row], record["response"][row] = error, -1 if failed else data
+            time = end + pause + 7 + slave_pause
+        row += 1
+
+        # The master repeats a failed request, or continues with the next one.
+        attempt = attempt + 1 if failed else 0
+        if failed and attempt <= repetitions and phase < 2:
+            continue
+        if phase == 0:
+            if failed and failures[key] + 1 == drop_after:
+                break
+            failures[key] = failures[key] + 1 if failed else 0
+        step, attempt = step + 1, 0
+    return step, attempt, row, time
+
+
 _ANSWERS = [Response(data).bits for data in range(16)]
 
 #: Number of cycles for which disturbances are drawn at a time.
 _CHUNK = 256
-
-_Route: TypeAlias = tuple[Station, RunningSlave, Callable[[RunningSlave, int, float], int], int]
 
 
 class MasterStops(Exception):
@@ -231,212 +267,257 @@ class Channel:
     """
 
     def __init__(
-        self,
-        stations: Sequence[Station],
-        transaction: Transaction,
-        attempts: int,
-        rng: np.random.Generator,
-    ) -> None:
-        self.stations, self.transaction = list(stations), transaction
-        self.record = Record(transaction)
-        self._tail = RESPONSE_BITS + transaction.slave_pause
-        self._put_start = self.record.start.append
-        self._put_pause = self.record.pause.append
-        self._put_code = self.record.code.append
+        self, stations: Stations, transaction: Transaction, attempts: int,
+        rng: np.random.Generator, cycles: float, until: float,
+    ) -> None:  # fmt: skip
+        """Simulate `cycles` cycles, or until the time `until` [bit]."""
+        self.stations, self.transaction = stations, transaction
+        self.cycles, self.until = cycles, until
+        self._pauses: Any = tuple(map(float, astuple(transaction)))
+        # A cycle has two more requests; one takes at least 24 bit times, and some ten steps.
+        self._steps = 10 * min(cycles * (len(stations.all) + 2), until / 24)
+        self._record, self.row = np.empty(0, TRANSACTION), 0
         self.time = 0.0
         self.standby = False
         self.begun = 0
         self._attempts, self._rng = attempts, rng
-        self._plane = len(self.stations) * attempts
-        self._bytes, self._chunk, self._base, self._fields = b"", 0, -1, 0
-        for number, station in enumerate(self.stations):
-            station.offset = number * attempts
+        self._drawn = np.zeros(0, DISTURBANCE)
+        self._phase, self._cycle = Phase.OFFLINE, -1
         self._events: list[tuple[float, int, Callable[[], None]]] = []
         self._scheduled = 0
-        self._next = _NEVER
-        self._number = 0
         #: Number of the last request that could not be read because of a late response.
         self._spoilt = -1
         #: Bits and start time [bit] of a late response that may overlap the next request.
-        self._ghost: tuple[str, float] | None = None
-        self.locate()
+        self._late: tuple[str, float] | None = None
+        #: State of the lists, the usual requests, and the slaves that hear them.
+        self._table: tuple[object, Rows, Indices] | None = None
+
+    @property
+    def record(self) -> Rows:
+        """All transactions so far."""
+        return self._record[: self.row]
 
     @property
     def seconds(self) -> float:
         """Simulated time [s]."""
         return self.time * self.transaction.bit_time
 
+    @property
+    def over(self) -> bool:
+        """True if the simulation ends before the next request."""
+        return self.begun > self.cycles or self.time >= self.until
+
     def schedule(self, seconds: float, action: Callable[[], None]) -> None:
         """Schedule an action at time `seconds`; simultaneous actions run in the order scheduled."""
         self._scheduled += 1
         entry = (seconds / self.transaction.bit_time, self._scheduled, action)
         heapq.heappush(self._events, entry)
-        self._next = self._events[0][0]
 
     def happen(self, until: float) -> None:
         """Run the actions that are scheduled for times up to and including `until` [bit]."""
         while self._events and self._events[0][0] <= until:
-            action = heapq.heappop(self._events)[2]
-            self._next = self._events[0][0] if self._events else _NEVER
-            action()
+            heapq.heappop(self._events)[2]()
 
     def stop_master(self, until: float) -> None:
         """Stop the master until the time `until` [s]; see `MasterStops`."""
         raise MasterStops(until)
 
-    def locate(self) -> None:
-        """Update the lists of powered slaves by address; the last list contains them all."""
-        there = [s for s in self.stations if s.slave.powered]
-        self._at = [[s for s in there if s.slave.address == address] for address in range(32)]
-        self._at.append(there)
-        self._routes: dict[PreparedRequest, list[_Route]] = {}
+    def alter(self, change: Callable[..., None], *values: object) -> None:
+        """Change the state of a slave, so that what was usual may be unusual now."""
+        change(*values)
+        self._table = None
 
-    def _route(self, order: PreparedRequest) -> list[_Route]:
-        """Return the slaves that a request addresses, each with its action and the data."""
-        route = []
-        for station in self._at[order.station]:
-            said = order.reads[station.slave.kind]
-            if said is not None:
-                route.append((station, station.slave, OBEY[said.call], said.data))
-        self._routes[order] = route
-        return route
+    def _addressed(self, request: Request) -> list[tuple[Station, Request]]:
+        """Return the slaves that a request addresses, and the request as each of them reads it."""
+        everybody = request.call is Call.BROADCAST_RESET
+        there = [
+            (station, as_read(_columns(request)[0], station.kind))
+            for station in self.stations.all
+            if station.powered and (everybody or station.address == request.address)
+        ]
+        return [(station, read) for station, read in there if read]
 
     def switch(self, station: Station, on: bool, time: float) -> None:
         """Switch a slave's supply off or on at a time [s]; any active fault keeps it off."""
         station.cuts += -1 if on else 1
         if station.cuts == 0:
-            station.slave.switch_on()
-            station.since = self._number + 1
-        elif station.slave.powered:
-            station.slave.switch_off(time)
-        self.locate()
+            station.switch_on()
+            station.fields["since"] = self.row + 1
+        elif station.powered:
+            station.switch_off(time)
+        self._table = None
 
     def begin(self, phase: Phase, cycle: int) -> None:
-        """Record that a phase of the master begins."""
-        self._fields = phase << PHASE | self.standby << STANDBY
-        if phase < Phase.DATA_EXCHANGE:
-            self._base = -1
-            self.record.cycles.append((len(self.record.start), -1))
-            return
+        """Note that a phase of the master begins; draw the disturbances of the coming cycles."""
+        self._phase, self._cycle = phase, -1 if phase < Phase.DATA_EXCHANGE else cycle
         if phase == Phase.DATA_EXCHANGE:
-            self.record.cycles.append((len(self.record.start), cycle))
-            self._base = self._plane * PLANES * self._in_chunk(self.begun)
+            if self.begun % _CHUNK == 0 or not self._drawn.size:
+                rates = [station.rates for station in self.stations.all]
+                self._drawn = draw_disturbances(self._rng, _CHUNK, rates, self._attempts)
             self.begun += 1
-        else:
-            self._base += self._plane
 
-    def _in_chunk(self, cycle: int) -> int:
-        """Return the index of a cycle in its chunk; a new chunk's disturbances are drawn first."""
-        if cycle % _CHUNK == 0 or not self._bytes:
-            rates = [station.rates for station in self.stations]
-            drawn = draw_disturbances(self._rng, _CHUNK, rates, self._attempts)
-            self._bytes = drawn.tobytes()
-        return cycle % _CHUNK
+    def _disturbance(self, station: Station, attempt: int) -> tuple[bool, bool, int]:
+        """Return whether a request and the one before are lost, and the response's disturbance."""
+        drawn = np.zeros((), DISTURBANCE)
+        if self._phase >= Phase.DATA_EXCHANGE:
+            cycle, phase = (self.begun - 1) % _CHUNK, self._phase - Phase.DATA_EXCHANGE
+            drawn = self._drawn[cycle, phase, station.place, attempt]
+        elif station.rates != (0.0, 0.0):
+            drawn = draw_disturbances(self._rng, 1, [station.rates], 1)[0, 0, 0, 0]
+        if station.fields["quiet"]:
+            return False, False, 0
+        return bool(drawn["lost"]), bool(drawn["missed"]), int(drawn["variant"])
 
-    def _draw_one(self, station: Station) -> int:
-        """Draw the disturbance of a request in a phase before data exchange."""
-        if station.rates == (0.0, 0.0):
-            return 0
-        return int(draw_disturbances(self._rng, 1, [station.rates], 1)[0, 0, 0, 0])
+    def _rows(self, count: int) -> Rows:
+        """Return the record with room for `count` more rows."""
+        if self.row + count > len(self._record):
+            larger = np.empty(2 * (self.row + count), TRANSACTION)
+            larger[: self.row] = self.record
+            self._record = larger
+        return self._record
 
-    def transact(self, order: PreparedRequest, attempt: int) -> int:
+    def _requests(self, master: RunningMaster) -> tuple[Rows, Indices]:
+        """Return the requests of usual cycles by phase and key, and the slaves that hear them."""
+        if self._table is None or self._table[0] is not master.lists.schedule:
+            requests = np.zeros((PHASES, 64), TRANSACTION)
+            slaves = np.full(requests.shape, UNUSUAL)
+            for phase, key, request in master.usual():
+                begun = (Phase.DATA_EXCHANGE + phase, 0, self.standby)
+                requests[phase, key] = (0.0, *_UNANSWERED, *begun, *_columns(request))
+                slaves[phase, key] = self._alone(request)
+            slaves[2][slaves[2] != NOBODY] = UNUSUAL
+            self._table = master.lists.schedule, requests, slaves
+        _, requests, slaves = self._table
+        requests["cycle"] = master.cycle
+        return requests, slaves
+
+    def _alone(self, request: Request) -> int:
+        """Return the index of the only slave that a request addresses; `NOBODY` or `UNUSUAL`."""
+        addressed = self._addressed(request)
+        if len(addressed) != 1:
+            return UNUSUAL if addressed else NOBODY
+        station, transaction = addressed[0][0], self.transaction
+        late = station.fields["delay"] + transaction.unsynchronised > transaction.timeout
+        unusual = late or any(station.lost_replies.values()) or station.status(self.seconds)
+        return UNUSUAL if unusual else station.place
+
+    def poll(self, master: RunningMaster) -> Phase | None:
+        """Poll the slaves of a cycle; return the next phase, or None if the simulation is over.
+
+        If all is usual, simulate many cycles; the next phase is then the data exchange of another.
+        """
+        polled, attempt = len(master.lists.schedule[0]), 0
+        if polled and not self.over:
+            self.happen(self.time + REQUEST_BITS)
+        drawn = _CHUNK - (self.begun - 1) % _CHUNK
+        keys = master.ahead(int(min(drawn, self.cycles - self.begun + 1)))
+        while keys.size:
+            if self.over:
+                return None
+            self.happen(self.time + REQUEST_BITS)
+            requests, slaves = self._requests(master)
+            step, before = 0, self.row
+            if self._late is None and self._spoilt < self.row:
+                step, attempt, self.row, self.time = run_cycles.run(
+                    self._steps, keys, polled, attempt,
+                    self._rows(keys.size * (1 + master.repetitions)), self.row, self.time,
+                    requests, slaves, self.stations.states,
+                    self._drawn[(self.begun - 1) % _CHUNK :], _ERRORS, master.failures,
+                    master.repetitions, master.drop_after, self._pauses, self.until,
+                    self._events[0][0] if self._events else inf,
+                )  # fmt: skip
+            cycle, place = divmod(step, keys.shape[1])
+            ahead, others = min(cycle, len(keys) - 1), keys[:, polled:].ravel()
+            done = others[: 2 * cycle + max(0, place - polled)].tolist()
+            master.go_on(ahead, done)
+            self.begun, self._cycle = self.begun + ahead, master.cycle
+            if step == keys.size:
+                return Phase.DATA_EXCHANGE if done else Phase.MANAGEMENT
+            if place >= polled:
+                master.attempt = attempt
+                return Phase(Phase.MANAGEMENT + place - polled)
+            keys, polled = keys[ahead : ahead + 1, place:polled], polled - place
+            key, reply = int(keys[0, 0]), FAULTY
+            if self.row == before:
+                reply = self.transact(master.lists.polls[key], attempt)
+                attempt += 1
+            if reply >= 0 or attempt > master.repetitions:
+                master.receive(key, reply)
+                keys, polled, attempt = keys[:, 1:], polled - 1, 0
+        return Phase.MANAGEMENT
+
+    def transact(self, request: Request, attempt: int) -> int:
         """Send a request and return the data that the master receives, or `SILENT` or `FAULTY`."""
-        start, transaction = self.time, self.transaction
-        end = start + REQUEST_BITS
-        if end >= self._next:
-            self.happen(end)
-        before = self._number
-        self._number = number = before + 1
-        seconds, base, spoilt = end * transaction.bit_time, self._base, self._spoilt
-        route = self._routes.get(order)
-        if route is None:
-            route = self._route(order)
-        if self._ghost is not None and not self._readable(order, start):
-            route = []
-        replies = []
-        for station, slave, obey, carried in route:
-            what = (
-                self._bytes[base + station.offset + attempt]
-                if base >= 0
-                else self._draw_one(station)
+        start, end = self.time, self.time + REQUEST_BITS
+        self.happen(end)
+        number, spoilt = self.row + 1, self._spoilt == self.row
+        answers = []
+        for station, read in self._addressed(request) if self._readable(request) else []:
+            lost, missed, variant = self._disturbance(station, attempt)
+            pause = receive(
+                self.stations.states, station.place, number, lost, missed or spoilt,
+                self.transaction.unsynchronised,
+            )  # fmt: skip
+            data = (
+                NONE
+                if lost
+                else OBEY[read.call](station, read.data, end * self.transaction.bit_time)
             )
-            if what and station.quiet:
-                what = 0
-            if what or spoilt == before or not slave.synchronised:
-                if station.heard != before:
-                    missed = what & MISSED or spoilt == before
-                    slave.synchronised = not missed and station.since < number
-                if what & REQUEST_LOST:
-                    slave.synchronised = False
-                    station.heard = number
-                    continue
-            station.heard = number
-            pause = station.pause
-            if not slave.synchronised:
-                slave.synchronised = True
-                pause += transaction.unsynchronised
-            data = obey(slave, carried, seconds)
-            if data >= 0:
-                replies.append((data, pause, what, station))
-        if order.moves:
-            self.locate()
-
-        fields = order.code | self._fields | attempt << ATTEMPT
-        self._put_start(start)
-        if len(replies) == 1:
-            data, pause, what, station = replies[0]
-            if not what and pause <= transaction.timeout and not station.lost_replies:
-                self._put_pause(pause)
-                self._put_code(fields | data << RESPONSE | _EXECUTED)
-                self.time = end + pause + self._tail
-                return data
-        if replies:
-            reply, pause, last, error = self._resolve(order, end, replies)
-        else:
-            reply, pause, last, error = SILENT, _NAN, _NAN, SilenceError.code
-        response = reply << RESPONSE if reply >= 0 else NO_RESPONSE << RESPONSE
-        executed = bool(replies) or not order.expects
-        self._put_pause(pause)
-        self._put_code(
-            fields | response | (error if order.expects else 0) << OUTCOME | executed << EXECUTED
-        )
-        wait = transaction.timeout if last != last else last + self._tail
-        self.time = end + wait
+            if data != NONE:
+                answers.append((data, float(pause), variant, station))
+        if request.call in MOVING:
+            self._table = None
+        reply, pause, error = self._resolve(request, end, answers)
+        silent = request.call.rule.answer is None
+        self._rows(1)[self.row] = (
+            start, attempt, 0 if silent else error, pause, max(reply, -1), bool(answers) or silent,
+            self._phase, self._cycle, self.standby, *_columns(request),
+        )  # fmt: skip
+        self.row = number
         return reply
 
-    def _readable(self, order: PreparedRequest, start: float) -> bool:
-        """Return True if a request can be read despite its collision with a late response."""
-        assert self._ghost is not None
-        bits, begin = self._ghost
-        self._ghost = None
-        read, _ = collide(((order.bits, 0), (bits, round(2 * (begin - start)))), REQUEST_BITS)
-        if read != order.bits:
-            self._spoilt = self._number
-        return read == order.bits
+    def _readable(self, request: Request) -> bool:
+        """Return True if a request can be read; a late response may have collided with it."""
+        if self._late is None:
+            return True
+        bits, begin = self._late
+        self._late = None
+        shift = round(2 * (begin - self.time))
+        readable = collide(((request.bits, 0), (bits, shift)), REQUEST_BITS)[0] == request.bits
+        if not readable:
+            self._spoilt = self.row + 1
+        return readable
 
     def _resolve(
-        self, order: PreparedRequest, end: float, replies: list[tuple[int, float, int, Station]]
-    ) -> tuple[int, float, float, int]:
-        """Return the data, `SILENT` or `FAULTY`; shortest and longest pause; and the error code."""
-        heard = []
-        for data, pause, what, station in replies:
-            left = station.lost_replies.get(order.request.call, 0)
+        self, request: Request, end: float, answers: list[tuple[int, float, int, Station]]
+    ) -> tuple[int, float, int]:
+        """Return the data, `SILENT` or `FAULTY`; pause; and error code; let the time pass."""
+        transaction, heard = self.transaction, []
+        for data, pause, variant, station in answers:
+            left = station.lost_replies.get(request.call, 0)
             if left:
-                station.lost_replies[order.request.call] = left - 1
-            elif pause > self.transaction.timeout:
-                self._ghost = (_ANSWERS[data], end + pause)
+                station.lost_replies[request.call] = left - 1
+            elif pause > transaction.timeout:
+                self._late = (_ANSWERS[data], end + pause)
             else:
-                heard.append((data, pause, what))
+                heard.append((data, pause, variant))
         if not heard:
-            return SILENT, _NAN, _NAN, SilenceError.code
+            self.time = end + transaction.timeout
+            return SILENT, nan, SilenceError.code
         first, last = min(h[1] for h in heard), max(h[1] for h in heard)
+        self.time = end + last + RESPONSE_BITS + transaction.slave_pause
         data, error = heard[0][0], 0
         if len(heard) > 1:
             # Start times are in half-bits, relative to the first response.
             telegrams = sorted((_ANSWERS[d], round(2 * (pause - first))) for d, pause, _ in heard)
             bits, error = collide(tuple(telegrams), RESPONSE_BITS)
             data = int(bits[1:5], 2) if bits else data
-        variant = max(h[2] >> 2 for h in heard)
-        if variant and not error:
-            error = ONE_PULSE_CODES[data][variant - 1]
-        return (FAULTY if error else data), first, last, error
+        error = error or int(_ERRORS[data, max(h[2] for h in heard)])
+        return (FAULTY if error else data), first, error
+
+
+@cache
+def _columns(request: Request) -> tuple[str, int, int, int, int]:
+    """Return a request's columns in a row of `TRANSACTION`."""
+    half = KINDS.index(request.half)
+    return request.bits, request.call, request.address, half, request.data

@@ -15,8 +15,8 @@ from shipnet.asi.master import (
     identify,
     move,
 )
-from shipnet.asi.slave import prepared, slave_key
-from shipnet.asi.telegram import Call
+from shipnet.asi.slave import slave_key
+from shipnet.asi.telegram import Call, Request
 from shipnet.errors import ArgumentError
 from shipnet.fields import record, text, whole
 
@@ -75,7 +75,7 @@ class ChangeAddress:
                 raise CommandFailed("the LDS contains another slave at address 0")
             # If the slave keeps its address, the inclusion phase finds it again.
             lists.forget(old)
-            yield prepared(Call.DELETE_ADDRESS, old >> 1, half=half_of(old, identity.profile))
+            yield Request(Call.DELETE_ADDRESS, old >> 1, half=half_of(old, identity.profile))
             # The response may be lost although the address was deleted, so check address 0.
             found = yield from identify(0)
             if found is None or found.profile != identity.profile:
@@ -135,7 +135,7 @@ class WriteParameter(_OfSlave):
         """Yield the request, and return the outcome in words."""
         key = _detected(lists, self.slave)
         lists.parameters[self.slave] = self.value
-        echo = yield prepared(Call.WRITE_PARAMETER, key >> 1, self.value, slave_key(self.slave)[1])
+        echo = yield Request(Call.WRITE_PARAMETER, key >> 1, self.value, slave_key(self.slave)[1])
         if echo < 0:
             raise CommandFailed(f"slave {self.slave} does not respond")
         return f"slave {self.slave} echoes {echo:X}"
@@ -154,7 +154,7 @@ class ResetSlave(_OfSlave):
     def run(self, lists: Lists) -> Task[str]:
         """Yield the requests, and return the outcome in words."""
         key = _detected(lists, self.slave)
-        reply = yield prepared(Call.RESET, key >> 1, half=half_of(key, lists.detected[key].profile))
+        reply = yield Request(Call.RESET, key >> 1, half=half_of(key, lists.detected[key].profile))
         if reply < 0:
             raise CommandFailed(f"slave {self.slave} does not respond")
         active = key in lists.detected and (yield from activate(lists, key))

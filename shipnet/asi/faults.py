@@ -75,8 +75,8 @@ class TelegramErrors(_OfSlave):
             if station.rates != (0.0, 0.0):
                 raise ArgumentError(f"slave {self.slave} has TelegramErrors twice; give only one")
             station.rates = (self.request, self.response)
-            station.quiet = self.start > 0
-            if station.quiet or self.stop < inf:
+            station.fields["quiet"] = self.start > 0
+            if self.start > 0 or self.stop < inf:
                 _set(channel, station, "quiet", (False, True), self.start, self.stop)
 
 
@@ -155,9 +155,10 @@ class LateAnswer(_OfSlave):
     def apply(self, channel: Channel, stations: Stations) -> None:
         """Schedule the start and the end of the additional delay."""
         for station in stations[self.slave]:
-            station.check_pause(channel.transaction, self.bits)
-            pauses = (station.pause + self.bits, station.pause)
-            _set(channel, station, "pause", pauses, self.start, self.stop)
+            station.check_delay(channel.transaction, self.bits)
+            usual = float(station.fields["delay"])
+            delays = (usual + self.bits, usual)
+            _set(channel, station, "delay", delays, self.start, self.stop)
 
 
 @record
@@ -180,7 +181,9 @@ class LostReply(_OfSlave):
         for station in stations[self.slave]:
             for time, count in ((self.start, self.count), (self.stop, 0)):
                 if time < inf:
-                    lose = partial(station.lost_replies.__setitem__, self.call, count)
+                    lose = partial(
+                        channel.alter, station.lost_replies.__setitem__, self.call, count
+                    )
                     channel.schedule(time, lose)
 
 
@@ -197,8 +200,7 @@ class PeripheryFault(_OfSlave):
     def apply(self, channel: Channel, stations: Stations) -> None:
         """Schedule the times at which the slave's fault flag is set and cleared."""
         for station in stations[self.slave]:
-            flags = (True, False)
-            _set(channel, station.slave, "periphery_fault", flags, self.start, self.stop)
+            _set(channel, station, "periphery_fault", (True, False), self.start, self.stop)
 
 
 @record
@@ -229,8 +231,9 @@ def _switch(channel: Channel, stations: Sequence[Station], start: float, stop: f
 
 
 def _set(
-    channel: Channel, what: object, name: str, values: tuple[object, object], *times: float
+    channel: Channel, station: Station, field: str, values: tuple[float, float], *times: float
 ) -> None:
     for time, value in zip(times, values, strict=True):
         if time < inf:
-            channel.schedule(time, partial(setattr, what, name, value))
+            set_field = station.fields.__setitem__
+            channel.schedule(time, partial(channel.alter, set_field, field, value))

@@ -6,14 +6,19 @@ as 12B. A task yields requests and receives a reply to each: four data bits, `SI
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections import deque
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from enum import IntEnum
+from functools import cache
 from typing import NamedTuple, Protocol, TypeAlias, TypeVar, cast
 
+import numpy as np
+
+from shipnet.arrays import Indices
 from shipnet.asi.profile import Profile
-from shipnet.asi.slave import CURRENT, PreparedRequest, label_of, prepared, slave_key
-from shipnet.asi.telegram import Call, Half
+from shipnet.asi.slave import CURRENT, label_of, slave_key
+from shipnet.asi.telegram import Call, Half, Request
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, number, part, record, switch, text, whole
 from shipnet.line.network import check_node
@@ -139,9 +144,8 @@ class Lists:
         """Empty all lists except the LPS."""
         self.detected: dict[int, Identity] = {}
         #: Data exchange request for each active slave, with its outputs.
-        self.polls: dict[int, PreparedRequest] = {}
-        self.inputs: dict[int, int] = {}
-        self._periphery: set[int] = set()
+        self.polls: dict[int, Request] = {}
+        self.faulty: set[int] = set()
         self._plan()
 
     @property
@@ -152,7 +156,7 @@ class Lists:
     @property
     def las(self) -> list[str]:
         """Labels of the active slaves."""
-        return [self.label(key) for key in sorted(self.polls)]
+        return [self.label(key) for key in self.active]
 
     def label(self, key: int) -> str:
         """Return the label of the slave with a given key."""
@@ -176,41 +180,49 @@ class Lists:
                 self._change("LDS", key, False)
             self.detected[key] = identity
             self._change("LDS", key, True)
+            self._plan()
 
-    def join(self, key: int, inputs: int) -> None:
-        """Add a detected slave to the LAS, with its inputs."""
+    def join(self, key: int) -> None:
+        """Add a detected slave to the LAS."""
         if key not in self.polls:
             self._change("LAS", key, True)
         profile = self.detected[key].profile
         data = self.outputs.get(self.label(key), 0xF) & (1 << profile.output_bits) - 1
-        self.polls[key] = prepared(Call.DATA_EXCHANGE, key >> 1, data, half_of(key, profile))
-        self.inputs[key] = inputs
+        self.polls[key] = Request(Call.DATA_EXCHANGE, key >> 1, data, half_of(key, profile))
         self._plan()
 
     def periphery(self, key: int, faulty: bool) -> None:
         """Add a slave to the LPF if `faulty`; otherwise remove it."""
-        if faulty != (key in self._periphery):
-            (self._periphery.add if faulty else self._periphery.discard)(key)
+        if faulty != (key in self.faulty):
+            (self.faulty.add if faulty else self.faulty.discard)(key)
             self._change("LPF", key, faulty)
+            self._plan()
 
     def forget(self, key: int) -> None:
-        """Remove a slave from the LDS, LAS and LPF, and its inputs from the host's data."""
+        """Remove a slave from the LDS, LAS and LPF."""
         self.periphery(key, False)
-        self.inputs.pop(key, None)
         if self.polls.pop(key, None):
-            self._plan()
             self._change("LAS", key, False)
         if key in self.detected:
             self._change("LDS", key, False)
             del self.detected[key]
+            self._plan()
+
+    def can_be(self, key: int) -> bool:
+        """Return False for a B slave at address 0 or at the address of a standard slave."""
+        first = self.detected.get(key & ~1)
+        return key != 1 and (not key & 1 or first is None or first.profile.extended)
 
     def _plan(self) -> None:
         # If both halves of an address are active, they are polled in alternate cycles.
         both = {key >> 1 for key in self.polls if key & 1 and key - 1 in self.polls}
-        keys = sorted(self.polls)
+        self.active = sorted(self.polls)
+        #: Keys at which the master looks for new slaves.
+        self.vacant = [key for key in range(64) if key not in self.polls and self.can_be(key)]
+        #: Keys of the slaves to poll in even and in odd cycles.
         self.schedule = (
-            [key for key in keys if key >> 1 not in both or not key & 1],
-            [key for key in keys if key >> 1 not in both or key & 1],
+            [key for key in self.active if key >> 1 not in both or not key & 1],
+            [key for key in self.active if key >> 1 not in both or key & 1],
         )
 
     def _change(self, which: str, key: int, present: bool) -> None:
@@ -223,24 +235,36 @@ class Lists:
 SILENT, FAULTY = -1, -2
 
 T = TypeVar("T")
-Task: TypeAlias = Generator[PreparedRequest, int, T]
+Task: TypeAlias = Generator[Request, int, T]
 
 #: Maximum number of status requests while a slave stores its address: at one per cycle, enough for
 #: 15 ms even if the cycles contain nothing else and take only 26 bit times.
 _PATIENCE = 100
 
 
+@cache
+def look_for(key: int) -> Request:
+    """Return the request that finds out whether there is a slave."""
+    return Request(Call.READ_IO_CONFIGURATION, key >> 1, half="B" if key & 1 else None)
+
+
+@cache
+def read_status(poll: Request) -> Request:
+    """Return the request for the status of a slave that is polled with a given request."""
+    return Request(Call.READ_STATUS, poll.address, half=poll.half)
+
+
 def identify(key: int) -> Task[Identity | None]:
     """Read the profile and ID code 1 of a slave; return None if the profile cannot be read."""
     half: Half | None = "B" if key & 1 else None
-    io = yield prepared(Call.READ_IO_CONFIGURATION, key >> 1, half=half)
+    io = yield look_for(key)
     if io < 0:
         return None
-    code = yield prepared(Call.READ_ID, key >> 1, half=half)
+    code = yield Request(Call.READ_ID, key >> 1, half=half)
     if code < 0:
         return None
-    id1 = yield prepared(Call.READ_ID1, key >> 1, half=half)
-    id2 = yield prepared(Call.READ_ID2, key >> 1, half=half)
+    id1 = yield Request(Call.READ_ID1, key >> 1, half=half)
+    id2 = yield Request(Call.READ_ID2, key >> 1, half=half)
     return Identity(Profile(io, code, id2 if id2 >= 0 else None), max(id1, -1))
 
 
@@ -250,14 +274,14 @@ def activate(lists: Lists, key: int) -> Task[bool]:
         return False
     profile = lists.detected[key].profile
     half = half_of(key, profile)
-    reply = yield prepared(Call.WRITE_PARAMETER, key >> 1, lists.parameter(key), half)
+    reply = yield Request(Call.WRITE_PARAMETER, key >> 1, lists.parameter(key), half)
     if reply < 0:
         return False
     # All bits of the first outputs are set, so that the output ports stay off.
-    inputs = yield prepared(Call.DATA_EXCHANGE, key >> 1, (1 << profile.output_bits) - 1, half)
-    if inputs < 0:
+    reply = yield Request(Call.DATA_EXCHANGE, key >> 1, (1 << profile.output_bits) - 1, half)
+    if reply < 0 or key not in lists.detected:
         return False
-    lists.join(key, inputs)
+    lists.join(key)
     return True
 
 
@@ -267,9 +291,9 @@ def move(lists: Lists, label: str) -> Task[bool]:
     key, half = slave_key(label)
     wanted = identity.id1 & 7 | (8 if half == "B" else 0)
     if half and wanted != identity.id1:
-        yield prepared(Call.WRITE_ID1, 0, wanted)
+        yield Request(Call.WRITE_ID1, 0, wanted)
         yield from wait_for_storing(0, None)
-    yield prepared(Call.ASSIGN_ADDRESS, 0, key >> 1)
+    yield Request(Call.ASSIGN_ADDRESS, 0, key >> 1)
     yield from wait_for_storing(key >> 1, half)
     found = yield from identify(key)
     if found is None or found.profile != identity.profile:
@@ -282,7 +306,7 @@ def move(lists: Lists, label: str) -> Task[bool]:
 def wait_for_storing(address: int, half: Half | None) -> Task[None]:
     """Read the status of a slave until the slave has stored its address or ID code 1."""
     for _ in range(_PATIENCE):
-        status = yield prepared(Call.READ_STATUS, address, half=half)
+        status = yield Request(Call.READ_STATUS, address, half=half)
         if status >= 0 and not status & 1:
             return
 
@@ -329,20 +353,27 @@ class RunningMaster:
     def __init__(self, settings: Master) -> None:
         self.settings, self.lists = settings, Lists(settings)
         self.repetitions, self.drop_after = settings.repetitions, settings.drop_after
-        self.phase = Phase.OFFLINE
         self.cycle, self.attempt = -1, 0
         self.dropped: list[tuple[float, str]] = []
         self.finished: list[tuple[float, Command, bool, str]] = []
         self._queue: deque[Command] = deque()
-        self._command: tuple[Command, Task[str], PreparedRequest] | None = None
+        self._command: tuple[Command, Task[str], Request] | None = None
         self._observer: Observer
 
     def submit(self, command: Command) -> None:
         """Queue a command of the host for the management phase."""
         self._queue.append(command)
 
-    def run(self, observer: Observer, active: Mapping[str, int] | None = None) -> Task[None]:
-        """Yield requests and receive replies; the `active` slaves, if given, need no activation."""
+    def run(
+        self,
+        observer: Observer,
+        active: Mapping[str, int] | None = None,
+        poll: Callable[[RunningMaster], Phase | None] | None = None,
+    ) -> Task[None]:
+        """Yield requests and receive replies; the `active` slaves, if given, need no activation.
+
+        If given, `poll` polls the slaves in each cycle; it returns the next phase, or None to stop.
+        """
         lists = self.lists
         self._observer = observer
         lists.clock = lambda: observer.seconds
@@ -350,9 +381,9 @@ class RunningMaster:
             lists.forget(key)
         lists.clear()
         self.attempt = 0
-        self._failing: dict[int, int] = {}
+        self.failures = np.zeros(64, np.int64)
         self._probe = self._turn = -1
-        self._admission: tuple[Task[bool], PreparedRequest] | None = None
+        self._admission: tuple[Task[bool], Request] | None = None
         if active is None:
             self._begin(Phase.OFFLINE)
             while not lists.detected:
@@ -365,22 +396,55 @@ class RunningMaster:
         while True:
             self.cycle += 1
             self._begin(Phase.DATA_EXCHANGE)
-            inputs, failing, polls = lists.inputs, self._failing, lists.polls
-            for key in lists.schedule[self.cycle & 1]:
-                reply = yield polls[key]
-                if reply >= 0:
-                    inputs[key] = reply
-                    if failing:
-                        failing.pop(key, None)
-                else:
-                    yield from self._insist(key)
-            self._begin(Phase.MANAGEMENT)
-            yield from self._manage()
-            self._begin(Phase.INCLUSION)
-            yield from self._include()
+            phase: Phase | None = Phase.MANAGEMENT
+            if poll is not None:
+                phase = poll(self)
+            else:
+                for key in lists.schedule[self.cycle & 1]:
+                    self.receive(key, (yield from self._send(lists.polls[key])))
+            if phase is None:
+                return
+            if phase == Phase.MANAGEMENT:
+                self._begin(Phase.MANAGEMENT)
+                yield from self._manage()
+            if phase >= Phase.MANAGEMENT:
+                self._begin(Phase.INCLUSION)
+                yield from self._include()
+
+    def usual(self) -> Iterator[tuple[int, int, Request]]:
+        """Yield the requests that usual cycles consist of: phase (0 to 2), key and request."""
+        lists = self.lists
+        for key, request in lists.polls.items():
+            yield 0, key, request
+            if key not in lists.faulty:
+                yield 1, key, read_status(request)
+        for key in lists.vacant:
+            if key not in lists.detected:
+                yield 2, key, look_for(key)
+
+    def ahead(self, cycles: int) -> Indices:
+        """Return the keys of the next requests, one row per cycle, beginning with the present one.
+
+        The columns are the slaves to poll, the slave whose status is read, and the vacant address.
+        Return only the slaves to poll now if the host has a command or a slave is being included.
+        """
+        lists, number = self.lists, np.arange(cycles)
+        polled: Indices = np.array(lists.schedule, np.intp)[(self.cycle + number) & 1]
+        if self._command or self._queue or self._admission or not lists.active:
+            return polled[:1]
+        status = np.take(lists.active, bisect(lists.active, self._turn) + number, mode="wrap")
+        vacant = np.take(lists.vacant, bisect(lists.vacant, self._probe) + number, mode="wrap")
+        return np.column_stack([polled, status, vacant])
+
+    def go_on(self, cycles: int, done: list[int]) -> None:
+        """Continue `cycles` later, after status requests and searches in turn at keys `done`."""
+        self.cycle += cycles
+        if done:
+            self._turn = done[::2][-1]
+        if len(done) > 1:
+            self._probe = done[1::2][-1]
 
     def _begin(self, phase: Phase) -> None:
-        self.phase = phase
         self._observer.begin(phase, self.cycle)
 
     def _take_over(self, active: Mapping[str, int]) -> None:
@@ -390,24 +454,17 @@ class RunningMaster:
             key = slave_key(label)[0]
             self.lists.note(key, Identity(self.lists.projected[label], -1))
             self.lists.outputs[label] = outputs
-            self.lists.join(key, 0)
+            self.lists.join(key)
 
-    def _again(self, what: PreparedRequest, reply: int) -> Task[int]:
-        """Repeat a failed request until a reply is valid or no repetition is left."""
-        for attempt in range(1, self.repetitions + 1):
-            self.attempt = attempt
-            reply = yield what
-            if reply >= 0:
-                break
-        self.attempt = 0
-        return reply
-
-    def _send(self, what: PreparedRequest) -> Task[int]:
-        """Send a request, and repeat it if it fails."""
+    def _send(self, what: Request) -> Task[int]:
+        """Send a request, and repeat it while it fails and a repetition is left."""
         reply = yield what
-        probing = what.request.call is Call.READ_IO_CONFIGURATION and reply == SILENT
-        if reply < 0 and what.expects and not probing:
-            reply = yield from self._again(what, reply)
+        probing = what.call is Call.READ_IO_CONFIGURATION and reply == SILENT
+        if what.call.rule.answer is not None and not probing:
+            while reply < 0 and self.attempt < self.repetitions:
+                self.attempt += 1
+                reply = yield what
+            self.attempt = 0
         return reply
 
     def _through(self, task: Task[T]) -> Task[T]:
@@ -421,16 +478,11 @@ class RunningMaster:
                 return done
             reply = yield from self._send(what)
 
-    def _insist(self, key: int) -> Task[None]:
-        """Repeat a failed data exchange; drop the slave after too many failed cycles in a row."""
-        reply = yield from self._again(self.lists.polls[key], FAULTY)
-        if reply >= 0:
-            self.lists.inputs[key] = reply
-            self._failing.pop(key, None)
-            return
-        self._failing[key] = self._failing.get(key, 0) + 1
-        if self._failing[key] >= self.drop_after:
-            del self._failing[key]
+    def receive(self, key: int, reply: int) -> None:
+        """Handle the result of a data exchange; drop the slave after too many failures in a row."""
+        self.failures[key] = self.failures[key] + 1 if reply < 0 else 0
+        if self.failures[key] >= self.drop_after:
+            self.failures[key] = 0
             self.dropped.append((self._observer.seconds, self.lists.label(key)))
             self.lists.forget(key)
 
@@ -438,19 +490,14 @@ class RunningMaster:
         """Search all addresses for slaves."""
         self._begin(Phase.DETECTION)
         for key in range(64):
-            if self._can_be(key):
+            if self.lists.can_be(key):
                 identity = yield from self._through(identify(key))
                 if identity is not None:
                     self.lists.note(key, identity)
 
-    def _can_be(self, key: int) -> bool:
-        """Return False for a B slave at address 0 or at the address of a standard slave."""
-        first = self.lists.detected.get(key & ~1)
-        return key != 1 and (not key & 1 or first is None or first.profile.extended)
-
     def _manage(self) -> Task[None]:
         """Send at most one request: for the host's command, or to read a slave's status."""
-        if self._command is None and self._queue:
+        if self._command is None and self._queue and not self.attempt:
             command = self._queue.popleft()
             self._advance(command, command.run(self.lists), None)
         polls = self.lists.polls
@@ -459,10 +506,8 @@ class RunningMaster:
             reply = yield from self._send(what)
             self._advance(command, task, reply)
         elif polls:
-            keys = sorted(polls)
-            self._turn = next((key for key in keys if key > self._turn), keys[0])
-            asked = prepared(Call.READ_STATUS, self._turn >> 1, half=polls[self._turn].request.half)
-            status = yield from self._send(asked)
+            self._turn = _after(self._turn, self.lists.active)
+            status = yield from self._send(read_status(self.lists.polls[self._turn]))
             if status >= 0:
                 self.lists.periphery(self._turn, bool(status & 2))
 
@@ -481,7 +526,8 @@ class RunningMaster:
     def _include(self) -> Task[None]:
         """Send one request: to the next vacant address, or to a slave found at such an address."""
         if self._admission is None:
-            task = self._admit(self._vacant())
+            self._probe = _after(self._probe, self.lists.vacant)
+            task = self._admit(self._probe)
             self._admission = task, next(task)
         task, what = self._admission
         reply = yield from self._send(what)
@@ -489,12 +535,6 @@ class RunningMaster:
             self._admission = (task, task.send(reply))
         except StopIteration:
             self._admission = None
-
-    def _vacant(self) -> int:
-        while True:
-            self._probe = (self._probe + 1) % 64
-            if self._probe not in self.lists.polls and self._can_be(self._probe):
-                return self._probe
 
     def _admit(self, key: int) -> Task[bool]:
         """Identify and activate a newly found slave, with one request per cycle."""
@@ -513,3 +553,8 @@ class RunningMaster:
                 if (yield from move(lists, missing[0])):
                     key = slave_key(missing[0])[0]
         return (yield from activate(lists, key))
+
+
+def _after(key: int, keys: list[int]) -> int:
+    """Return the next of some sorted keys, in turn."""
+    return keys[bisect(keys, key) % len(keys)]

@@ -44,7 +44,7 @@ class _Recorder:
             raise ArgumentError(f"{segment} needs a master and a slave")
         self.slaves = [RunningSlave(slave) for slave in segment.slaves]
         for slave in self.slaves:
-            slave.active = True
+            slave.fields["active"] = True
             slave.pause()
         network = segment.network
         rows = [network.index(slave.node) for slave in segment.slaves]
@@ -113,8 +113,8 @@ class _Recorder:
         first = last = 0
         for k, text in enumerate(self.bits(slice(count), start, REQUEST_BITS)):
             slave = self.slaves[k]
-            slave.inputs = int(rng.integers(16))
-            in_step = slave.synchronised
+            slave.fields["inputs"] = rng.integers(16)
+            in_step = slave.fields["synchronised"]
             answer = slave.hear(text, start * self.dt)
             slave.pause()
             if answer is not None:

@@ -9,30 +9,21 @@ from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Utilisation
 from shipnet.arguments import checked
 from shipnet.arrays import Floats
-from shipnet.asi.channel import (
-    ATTEMPT,
-    EXECUTED,
-    LABELS,
-    OUTCOME,
-    PHASE,
-    Channel,
-    MasterStops,
-    Record,
-    Stations,
-)
+from shipnet.asi.channel import Channel, MasterStops, Rows, Station, Stations
 from shipnet.asi.faults import LineFault
 from shipnet.asi.master import Command, Master, Phase, RunningMaster
 from shipnet.asi.plan import Plan
-from shipnet.asi.slave import KINDS, RunningSlave, Slave
+from shipnet.asi.slave import KINDS, Slave
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
 from shipnet.asi.timing import ADDRESSES, Transaction, exchanges, transfers_values
 from shipnet.clock import Fault, as_faults
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.fields import check_rng, check_scalar, check_whole, number, part, record
 from shipnet.lazy import Axes, pd
 
@@ -65,21 +56,28 @@ class Standby:
         if not self.master.projected:
             raise ArgumentError("master has no projected slaves; a standby master needs them")
 
-    def _listen(self, record: Record) -> dict[str, int]:
-        """Return the outputs of each projected slave that answered in the last three cycles."""
-        begins = [row for row, number in record.cycles if number >= 0]
-        first = begins[max(0, len(begins) - 3)] if begins else len(record.code)
-        rows = np.array(record.code[first:], dtype=np.int64)
-        fine = (rows >> OUTCOME & 15 == 0) & (rows >> EXECUTED & 1 == 1)
-        known = {}
-        for code in rows[fine & (rows & 15 == Call.DATA_EXCHANGE)].tolist():
-            label = f"{code >> 4 & 31}{KINDS[code >> 9 & 3] or ''}"
-            if label in (self.master.projected or {}):
-                known[label] = code >> 11 & 31
-        return known
+    def _listen(self, record: Rows, cycle: int) -> dict[str, int]:
+        """Return the outputs of each projected slave that answered since two cycles before."""
+        recent = np.maximum.accumulate(record["cycle"]) >= max(cycle - 2, 0)
+        rows = record[recent & (record["outcome"] == 0)]
+        good = rows[rows["call"] == Call.DATA_EXCHANGE]
+        known = dict(zip(_labels(good), good["data"].tolist(), strict=True))
+        return {
+            label: bits for label, bits in known.items() if label in (self.master.projected or {})
+        }
 
 
 # Results ---------------------------------------------------------------------------------------
+
+_OUTCOMES = [name_of(code) for code in range(SilenceError.code + 1)]
+
+_LABELS = np.array([[f"{address}{half or ''}" for address in range(32)] for half in KINDS])
+
+
+def _labels(rows: Rows) -> npt.NDArray[np.str_]:
+    """Return the label of the slave that each request is for."""
+    labels: npt.NDArray[np.str_] = _LABELS[rows["half"], rows["address"]]
+    return labels
 
 
 class InputChange(NamedTuple):
@@ -131,14 +129,15 @@ class Run:
     {'5': {'exchanges': 51, 'failed': 0}, '7': {'exchanges': 51, 'failed': 0}}
     """
 
-    #: All transactions, in packed form.
-    record: Record
+    #: All transactions, one row each; times in bits.
+    record: Rows
     #: Time at which the simulation ended [bit].
     end: float
+    transaction: Transaction
     #: The master, followed by the standby master if it took over.
     masters: list[RunningMaster]
     #: The slaves in their final states.
-    slaves: list[RunningSlave]
+    slaves: list[Station]
     #: The changes of the inputs.
     changes: list[InputChange]
 
@@ -151,7 +150,34 @@ class Run:
 
     @cached_property
     def _events(self) -> pd.DataFrame:
-        return self.record.table()
+        record, pauses = self.record, self.record["pause"]
+
+        def named(column: str, names: Sequence[str]) -> pd.Categorical[str]:
+            whole = pd.Categorical.from_codes(record[column], pd.Index(names))
+            return whole.remove_unused_categories()
+
+        lost = record["executed"] & (record["outcome"] > 0)
+        return pd.DataFrame(
+            {
+                "time_s": record["start"] * self.transaction.bit_time,
+                "cycle": record["cycle"],
+                "phase": named("phase", [phase.name.lower() for phase in Phase]),
+                "call": named("call", [call.name for call in Call]),
+                "address": record["address"],
+                "half": named("half", [half or "" for half in KINDS]),
+                "slave": _labels(record),
+                "request": record["request"].astype("U14"),
+                "request_data": record["data"],
+                "response_data": record["response"],
+                "master_pause_bit": pauses,
+                "slave_pause_bit": np.where(np.isnan(pauses), np.nan, self.transaction.slave_pause),
+                "attempt": record["attempt"],
+                "outcome": named("outcome", _OUTCOMES),
+                "executed": record["executed"],
+                "executed_but_lost": lost,
+                "standby": record["standby"],
+            }
+        )
 
     def events(self) -> pd.DataFrame:
         """Return all transactions, one row each.
@@ -167,18 +193,17 @@ class Run:
     @cached_property
     def _exchanges(self) -> pd.DataFrame:
         """Data exchanges by slave and time, with times of reading and receiving the inputs [s]."""
-        record, bit_time = self.record, self.record.transaction.bit_time
-        slave = record.field(4, 7)
-        rows = np.flatnonzero(record.field(0, 4) == Call.DATA_EXCHANGE)
-        rows = rows[np.argsort(slave[rows], kind="stable")]
-        sampled = record.starts[rows] + REQUEST_BITS
+        bit_time = self.transaction.bit_time
+        rows = self.record[self.record["call"] == Call.DATA_EXCHANGE]
+        rows = rows[np.lexsort((rows["address"], rows["half"]))]
+        sampled = rows["start"] + REQUEST_BITS
         return pd.DataFrame(
             {
-                "slave": LABELS[slave[rows]],
-                "failed": record.field(OUTCOME, 4)[rows] > 0,
-                "cyclic": record.field(PHASE, 3)[rows] == Phase.DATA_EXCHANGE,
+                "slave": _labels(rows),
+                "failed": rows["outcome"] > 0,
+                "cyclic": rows["phase"] == Phase.DATA_EXCHANGE,
                 "sampled": sampled * bit_time,
-                "known": (sampled + record.pauses[rows] + RESPONSE_BITS) * bit_time,
+                "known": (sampled + rows["pause"] + RESPONSE_BITS) * bit_time,
             }
         )
 
@@ -217,7 +242,7 @@ class Run:
             )
         slaves = shown.sort_values(["address", "half"], kind="stable")["slave"].unique()
         row = {slave: place + 1 for place, slave in enumerate(slaves)}
-        bit_time = self.record.transaction.bit_time
+        bit_time = self.transaction.bit_time
         bit = 1e3 * bit_time
         request, response = REQUEST_BITS * bit, RESPONSE_BITS * bit
         edge: dict[str, Any] = {"edgecolor": "0.3", "linewidth": 0.5}
@@ -252,28 +277,27 @@ class Run:
     @cached_property
     def cycle_times(self) -> Floats:
         """Length of each complete cycle, shape (n_cycles,) [s]."""
-        if not self.record.cycles:
-            return np.zeros(0)
-        rows, numbers = np.array([*self.record.cycles, (len(self.record.start), -2)]).T
-        starts = np.append(self.record.starts, self.end)[rows]
-        complete = (numbers[:-1] >= 0) & (numbers[1:] == numbers[:-1] + 1)
-        return np.asarray(np.diff(starts)[complete] * self.record.transaction.bit_time)
+        cycle = np.append(self.record["cycle"], self.masters[-1].cycle)
+        standby = np.append(self.record["standby"], len(self.masters) > 1)
+        first = np.flatnonzero(np.diff(cycle, prepend=-2) | np.diff(standby, prepend=False))
+        starts = np.append(self.record["start"], self.end)[first]
+        complete = (cycle[first][:-1] >= 0) & (np.diff(cycle[first]) == 1)
+        return np.asarray(np.diff(starts)[complete] * self.transaction.bit_time)
 
     @cached_property
     def summary(self) -> Summary:
         """The main results of the cycles, without the start-up."""
         times = self.cycle_times
-        record = self.record
-        cyclic = record.cycle >= 0
-        lost = (record.field(OUTCOME, 4) > 0) & (record.field(EXECUTED, 1) == 1)
+        cyclic = self.record[self.record["cycle"] >= 0]
+        lost = cyclic["executed"] & (cyclic["outcome"] > 0)
         some = times if times.size else np.array([np.nan])
         return Summary(
             cycles=times.size,
             cycle_time=(float(some.min()), float(some.mean()), float(some.max())),
-            requests=int(cyclic.sum()),
-            repetitions=int((cyclic & (record.field(ATTEMPT, 3) > 0)).sum()),
+            requests=len(cyclic),
+            repetitions=int((cyclic["attempt"] > 0).sum()),
             dropped=sum(len(master.dropped) for master in self.masters),
-            lost_replies=int((cyclic & lost).sum()),
+            lost_replies=int(lost.sum()),
         )
 
     @cached_property
@@ -360,15 +384,14 @@ class Run:
         The time in use is the longest time between two updates of a point divided by `update`.
         """
         check_scalar("update", update, "s", 1e-6, 1e6)
-        record, times = self.record, self.response_times()
+        times = self.response_times()
         if times.empty:
             raise ArgumentError("no slave answered twice; simulate more cycles")
-        first = int(np.argmax(record.cycle >= 0))
-        answered = np.isfinite(record.pauses[first:]).sum()
-        bits = REQUEST_BITS * (len(record.starts) - first) + RESPONSE_BITS * answered
+        rows = self.record[np.argmax(self.record["cycle"] >= 0) :]
+        bits = REQUEST_BITS * len(rows) + RESPONSE_BITS * np.isfinite(rows["pause"]).sum()
         addresses = len({label.rstrip("AB") for label in times.index})
         return Utilisation(
-            float(bits / (self.end - record.starts[first])),
+            float(bits / (self.end - rows["start"][0])),
             max(addresses / ADDRESSES, float(times["update_s"].max()) / update),
             float(times["longest_s"].max()),
         )
@@ -494,7 +517,10 @@ def simulate(
         stations = Stations([(slave, 0.0, 0.0) for slave in system], transaction)
     leading = [RunningMaster(master or Master())]
     repetitions = [one.repetitions for one in (leading[0], standby and standby.master) if one]
-    channel = Channel(stations.all, transaction, 1 + max(repetitions), check_rng(rng))
+    channel = Channel(
+        stations, transaction, 1 + max(repetitions), check_rng(rng),
+        cycles=most, until=end / transaction.bit_time,
+    )  # fmt: skip
 
     for fault in as_faults(faults, LineFault):
         fault.apply(channel, stations)
@@ -503,7 +529,7 @@ def simulate(
         value = check_whole(f"input of slave {slave}", bits, 0, 15)
         changes.append(InputChange(check_scalar("time", time, "s", 0, 1e9), slave, value))
         for station in stations[slave]:
-            channel.schedule(changes[-1].time, partial(setattr, station.slave, "inputs", value))
+            channel.schedule(changes[-1].time, partial(station.fields.__setitem__, "inputs", value))
     for time, command in commands:
         channel.schedule(
             check_scalar("time", time, "s", 0, 1e9), partial(_submit, leading, command)
@@ -511,11 +537,10 @@ def simulate(
 
     if until is None:
         channel.schedule(_PATIENCE, partial(_check_progress, channel, 0))
-    _lead(channel, leading, standby, most, end / transaction.bit_time)
+    _lead(channel, leading, standby)
     for station in stations.all:
-        station.slave.rest(channel.seconds)
-    slaves = [station.slave for station in stations.all]
-    return Run(channel.record, channel.time, leading, slaves, changes)
+        station.rest(channel.seconds)
+    return Run(channel.record, channel.time, transaction, leading, stations.all, changes)
 
 
 def _check_progress(channel: Channel, begun: int) -> None:
@@ -543,35 +568,32 @@ def _submit(leading: list[RunningMaster], command: Command) -> None:
     leading[-1].submit(command)
 
 
-def _lead(
-    channel: Channel, leading: list[RunningMaster], standby: Standby | None, most: float, end: float
-) -> None:
-    """Let the master and then any standby master run for `most` cycles or until `end` [bit]."""
+def _lead(channel: Channel, leading: list[RunningMaster], standby: Standby | None) -> None:
+    """Let the master and then any standby master run until the simulation is over."""
     master = leading[-1]
-    program = master.run(channel)
-    transact = channel.transact
-    request = next(program)
-    send = program.send
-    while channel.begun <= most and channel.time < end:
+    program, reply = master.run(channel, poll=channel.poll), None
+    while True:
         try:
-            while channel.begun <= most and channel.time < end:
-                request = send(transact(request, master.attempt))
+            request = next(program) if reply is None else program.send(reply)
+            if channel.over:
+                return
+            reply = channel.transact(request, master.attempt)
+        except StopIteration:
+            return
         except MasterStops as stop:
+            reply = None
             if stop.until < inf:
-                wait = min(stop.until / channel.transaction.bit_time, end)
+                wait = min(stop.until / channel.transaction.bit_time, channel.until)
                 channel.time = max(channel.time, wait)
-                program = master.run(channel)
+                program = master.run(channel, poll=channel.poll)
             elif standby is not None and not channel.standby:
-                active = standby._listen(channel.record)
+                active = standby._listen(channel.record, master.cycle)
                 silence = standby.silence / channel.transaction.bit_time
-                channel.time = min(channel.time + silence, end)
+                channel.time = min(channel.time + silence, channel.until)
                 channel.standby = True
                 master = RunningMaster(standby.master)
                 leading.append(master)
-                program = master.run(channel, active)
+                program = master.run(channel, active, channel.poll)
             else:
-                if end < inf:
-                    channel.time = end
+                channel.time = channel.until if channel.until < inf else channel.time
                 return
-            request = next(program)
-            send = program.send

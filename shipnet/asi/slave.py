@@ -9,7 +9,10 @@ from dataclasses import field
 from enum import Enum
 from functools import cache
 from math import inf
-from typing import Any
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
 
 from shipnet import style
 from shipnet.arguments import checked
@@ -17,6 +20,7 @@ from shipnet.asi.batch import NONE
 from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
 from shipnet.asi.telegram import Answer, Call, Half, Request, Response
 from shipnet.asi.timing import ADDRESSES, CHANNELS, CONVERSION
+from shipnet.compiled import compiled
 from shipnet.errors import ArgumentError, FrameError, UnknownCallError
 from shipnet.fields import check_whole, number, record, text, whole
 from shipnet.lazy import Axes, pd
@@ -202,38 +206,14 @@ class Slave:
 KINDS: tuple[Half | None, ...] = (None, "A", "B")
 
 #: Calls that can change which slave is at which address.
-_MOVING = (
+MOVING = (
     Call.ASSIGN_ADDRESS, Call.WRITE_ID1, Call.DELETE_ADDRESS, Call.RESET, Call.BROADCAST_RESET,
 )  # fmt: skip
 
 
-class PreparedRequest:
-    """A request that is sent many times; its bits and meaning are computed only once."""
-
-    __slots__ = ("bits", "code", "expects", "moves", "reads", "request", "station")
-
-    #: Address in the request, or 32 for the broadcast, which goes to all slaves.
-    station: int
-    #: Call, address, half and data in 4, 5, 2 and 5 bits, beginning with the lowest bit.
-    code: int
-    #: How each of the `KINDS` of slave at this address reads the request; None if not addressed.
-    reads: tuple[Request | None, ...]
-    #: Whether the call has a response, and whether the call is one of `_MOVING`.
-    expects: bool
-    moves: bool
-
-    def __init__(self, request: Request) -> None:
-        call, half = request.call, KINDS.index(request.half)
-        self.request = request
-        self.bits = request.bits
-        self.station = 32 if call is Call.BROADCAST_RESET else request.address
-        self.code = call | request.address << 4 | half << 9 | request.data << 11
-        self.reads = tuple(_read(self.bits, kind) for kind in range(len(KINDS)))
-        self.expects = call.rule.answer is not None
-        self.moves = call in _MOVING
-
-
-def _read(bits: str, kind: int) -> Request | None:
+@cache
+def as_read(bits: str, kind: int) -> Request | None:
+    """Return a request as one of the `KINDS` of slave at its address reads it, if it is meant."""
     try:
         request = Request.parse(bits, extended=kind > 0)
     except UnknownCallError:
@@ -241,12 +221,6 @@ def _read(bits: str, kind: int) -> Request | None:
     # At address 0 the select bit is ignored: a master does not know which slave is there.
     meant = request.address == 0 or request.half is None or request.half == KINDS[kind]
     return request if meant else None
-
-
-@cache
-def prepared(call: Call, address: int, data: int = 0, half: Half | None = None) -> PreparedRequest:
-    """Return a prepared request, the same object for the same arguments."""
-    return PreparedRequest(Request(call, address, data, half))
 
 
 # Receive states --------------------------------------------------------------------------------
@@ -299,6 +273,40 @@ TRANSITIONS = {
 DEFAULT = 0xF
 
 
+#: State of a slave in data exchange, one element per slave: what it needs to answer, and when.
+STATE = np.dtype(
+    [
+        ("synchronised", bool),  # it heard the request before
+        ("active", bool),  # it has received parameters
+        ("inputs", np.int64),
+        ("outputs", np.int64),
+        ("in_mask", np.int64),  # data bits that it answers with its inputs
+        ("echo_mask", np.int64),  # data bits that it answers with its outputs
+        ("watchdog", float),
+        ("expires", float),  # time at which the watchdog resets it [s]
+        ("delay", float),  # pause before its responses [bit]
+        ("asked", np.int64),  # number of the last request to it
+        ("since", np.int64),  # number of the first request since power-on
+        ("periphery_fault", bool),
+        ("quiet", bool),  # whether drawn disturbances are ignored
+    ]
+)
+
+States: TypeAlias = npt.NDArray[np.void]
+
+
+@compiled
+def exchange(states: States, slave: int, outputs: int, time: float) -> int:
+    """Let a slave carry out *data exchange* at `time` [s]; return its data, or -1 if not active."""
+    if not states["active"][slave]:
+        return -1
+    states["outputs"][slave] = outputs
+    states["expires"][slave] = time + states["watchdog"][slave]
+    inputs = states["inputs"][slave] & states["in_mask"][slave]
+    data: int = inputs | outputs & states["echo_mask"][slave]
+    return data
+
+
 class RunningSlave:
     """The state of a running slave; times are simulated [s] and must not decrease."""
 
@@ -308,7 +316,10 @@ class RunningSlave:
     # "IE/AS-INTERFACE LINK PN IO", manual, p. 169, warns of a loss of supply while a slave stores
     # data; we infer that the slave restarts at address 0 with its memory error flag set.
 
-    def __init__(self, settings: Slave) -> None:
+    def __init__(self, settings: Slave, states: States | None = None, place: int = 0) -> None:
+        self.states, self.place = np.zeros(1, STATE) if states is None else states, place
+        #: Its own element of the states, by field.
+        self.fields = self.states[place]
         self.settings, self.profile = settings, settings.kind
         self.extended = self.profile.extended
         if settings.half and not self.extended:
@@ -318,16 +329,18 @@ class RunningSlave:
         self.id1 = (7 if self.extended else 15) if settings.id1 is None else settings.id1
         if settings.half == "B":
             self.id1 |= 8
-        self.address, self.inputs = settings.address, settings.inputs
-        self.watchdog = settings.watchdog
+        self.address = settings.address
 
         ports = IO_CONFIGURATIONS[self.profile.io]
-        self._in_mask = sum(1 << bit for bit, port in enumerate(ports) if port in ("IN", "I/O"))
-        self._echo_mask = sum(1 << bit for bit, port in enumerate(ports) if port == "OUT")
+        self.fields["inputs"], self.fields["watchdog"] = settings.inputs, settings.watchdog
+        self.fields["in_mask"] = sum(
+            1 << bit for bit, port in enumerate(ports) if port in ("IN", "I/O")
+        )
+        self.fields["echo_mask"] = sum(1 << bit for bit, port in enumerate(ports) if port == "OUT")
         self._stored = (self.address, self.id1)
         self._writing_until = -inf
         self.powered = True
-        self.periphery_fault = self.memory_error = False
+        self.memory_error = False
         #: Times at which the watchdog reset the slave [s].
         self.trips: list[float] = []
         self._start()
@@ -335,16 +348,15 @@ class RunningSlave:
     def _start(self) -> None:
         """Start in the state after power-on, not synchronised with the master."""
         self.state = State.ASYNCHRONOUS
-        self.synchronised = False
+        self.fields["synchronised"] = False
         self._settle()
 
     def _settle(self) -> None:
         """Restore the stored address, switch the ports off, and wait for parameters."""
         self.address, self.id1 = self._stored
         self.kind = self._kind()
-        self.outputs = self.parameter = DEFAULT
-        self.active = False
-        self._expires = inf
+        self.fields["outputs"] = self.parameter = DEFAULT
+        self.fields["active"], self.fields["expires"] = False, inf
 
     def _kind(self) -> int:
         return 1 + (self.id1 >> 3) if self.extended else 0
@@ -362,7 +374,7 @@ class RunningSlave:
     def status(self, time: float = 0.0) -> int:
         """Return the status bits S3..S0 of specification 2.1 as one number, 0..15."""
         volatile = self._stores(time) or self._stored != (self.address, self.id1)
-        return volatile | self.periphery_fault << 1 | self.memory_error << 3
+        return volatile | int(self.fields["periphery_fault"]) << 1 | self.memory_error << 3
 
     def switch_off(self, time: float = 0.0) -> None:
         """Disconnect the supply at `time` [s]; a slave that is storing data loses its address."""
@@ -385,7 +397,7 @@ class RunningSlave:
     def _step(self, event: Event) -> None:
         following = TRANSITIONS.get((self.state, event), self.state)
         if following is not self.state and following is not State.RECEIVE:
-            self.synchronised = following is State.SYNCHRONOUS
+            self.fields["synchronised"] = following is State.SYNCHRONOUS
         self.state = following
 
     def hear(self, bits: str, time: float = 0.0) -> Response | None:
@@ -413,27 +425,21 @@ class RunningSlave:
 
     def rest(self, time: float) -> None:
         """Let time pass up to `time` [s]; the watchdog may reset the slave."""
-        if time > self._expires:
-            self.trips.append(self._expires)
+        if time > self.fields["expires"]:
+            self.trips.append(float(self.fields["expires"]))
             self._settle()
 
     def exchange(self, outputs: int, time: float) -> int:
         """Carry out *data exchange* at `time` [s]; return the data of the response, or NONE."""
-        if time > self._expires:
-            self.rest(time)
-        if not self.active:
-            return NONE
-        self.outputs = outputs
-        self._expires = time + self.watchdog
-        return self.inputs & self._in_mask | outputs & self._echo_mask
+        self.rest(time)
+        return int(exchange(self.states, self.place, outputs, time))
 
     def _write_parameter(self, data: int, time: float) -> int:
         if self.address == 0:
             return NONE
         self.rest(time)
         self.parameter = data
-        self.active = True
-        self._expires = time + self.watchdog
+        self.fields["active"], self.fields["expires"] = True, time + self.fields["watchdog"]
         return data
 
     def _stores(self, time: float) -> bool:
@@ -462,8 +468,7 @@ class RunningSlave:
         if self.address == 0 or self._stores(time):
             return NONE
         self.address = 0
-        self.active = False
-        self._expires = inf
+        self.fields["active"], self.fields["expires"] = False, inf
         return Answer.ERASED
 
     def _reset(self, data: int, time: float) -> int:

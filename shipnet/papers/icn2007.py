@@ -94,7 +94,7 @@ def gap_after_silence(run: Run, slave: str) -> float:
     rows = run.events()
     silent = rows.index[(rows["slave"] == slave) & (rows["outcome"] == "SilenceError")]
     start = rows["time_s"].to_numpy()
-    bit_time = run.record.transaction.bit_time
+    bit_time = run.transaction.bit_time
     return float(min(start[silent[:-1] + 1] - start[silent[:-1]])) / bit_time - REQUEST_BITS
 
 

@@ -39,13 +39,18 @@ def draw(rng, n_cycles, request, response, *, attempts=2):
     return channel.draw_disturbances(rng, n_cycles, rates, attempts)
 
 
+def undisturbed(n_cycles, n_slaves, attempts=2):
+    """Return no disturbances, of the shape (n_cycles, 3, n_slaves, attempts)."""
+    return np.zeros((n_cycles, channel.PHASES, n_slaves, attempts), channel.DISTURBANCE)
+
+
 def simulate_drawn(drawn, system, *given, **options):
     """Simulate with given disturbances of shape (n_cycles, 3, n_slaves, attempts)."""
     begun = 0
 
     def hand_out(rng, n_cycles, rates, attempts):
         nonlocal begun
-        rows = np.zeros((n_cycles, channel.PLANES, len(rates), attempts), dtype=np.uint8)
+        rows = undisturbed(n_cycles, len(rates), attempts)
         own = drawn[begun : begun + n_cycles]
         rows[: len(own)] = own
         begun += n_cycles

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shipnet.asi import Response
-from shipnet.asi.channel import MISSED, REQUEST_LOST, VARIANTS
+from shipnet.asi.channel import VARIANTS
 from shipnet.asi.modulation import ONE_PULSE_CODES, Modulation, Pulses, collide
 from shipnet.errors import FrameError, name_of
 from tests.asi.lines import REQUESTS, draw
@@ -70,8 +70,8 @@ def test_disturbances_have_the_given_rates_and_are_independent():
     rng = np.random.default_rng(3)
     drawn = draw(rng, 8000, [0.1, 0.0, 1.0], [0.2, 0.0, 1.0], attempts=3)
     assert drawn.shape == (8000, 3, 3, 3)
-    assert not drawn[..., 1, :].any()
-    lost, missed, variant = drawn & REQUEST_LOST > 0, drawn & MISSED > 0, drawn >> 2
+    lost, missed, variant = drawn["lost"], drawn["missed"], drawn["variant"]
+    assert not any(column[..., 1, :].any() for column in (lost, missed, variant))
     n = drawn[..., 0, :].size
     for share, p in ((lost, 0.1), (missed, 0.1), (variant > 0, 0.2), (lost & missed, 0.01)):
         assert share[..., 0, :].mean() == pytest.approx(p, abs=5 * np.sqrt(p / n))

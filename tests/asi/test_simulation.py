@@ -5,17 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from shipnet import compiled
 from shipnet.asi import BIT_TIME, Call, Request, Response
-from shipnet.asi.channel import (
-    EXECUTED,
-    MISSED,
-    NO_RESPONSE,
-    OUTCOME,
-    PHASE,
-    REQUEST_LOST,
-    RESPONSE,
-    Record,
-)
+from shipnet.asi.channel import TRANSACTION
 from shipnet.asi.commands import (
     ChangeAddress,
     ReadCodes,
@@ -35,21 +27,16 @@ from shipnet.asi.faults import (
 from shipnet.asi.master import FAULTY, SILENT, Master, Phase, RunningMaster
 from shipnet.asi.modulation import Modulation, Pulses
 from shipnet.asi.simulation import Run, Standby, simulate
-from shipnet.asi.slave import Event, RunningSlave, prepared
+from shipnet.asi.slave import KINDS, Event, RunningSlave, as_read
 from shipnet.asi.timing import Transaction
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError, SilenceError
-from tests.asi.lines import draw, placed, simulate_drawn, slave
+from tests.asi.lines import draw, placed, simulate_drawn, slave, undisturbed
 
 FULL = [slave("S-7.A.E", a, half, inputs=a % 16) for a in range(1, 32) for half in "AB"]
 STANDARD = [slave("S-7.F.F", address, inputs=address % 16) for address in range(1, 32)]
 THREE = STANDARD[:3]
 PROJECTED = {one.label: one.profile for one in THREE}
-
-
-def put(record, start, pause, code):
-    for column, value in ((record.start, start), (record.pause, pause), (record.code, code)):
-        column.append(value)
 
 
 # A second model: every slave receives every telegram as bits, with its table of states.
@@ -60,8 +47,8 @@ class EverySlaveHears:
 
     def __init__(self, slaves, rates, rng, n_cycles):
         self.slaves, self.rates, self.rng = slaves, rates, rng
-        self.time, self.record, self.begun = 0.0, Record(Transaction()), 0
-        self.drawn = np.zeros((n_cycles + 1, 3, len(slaves), 2), dtype=np.uint8)
+        self.time, self.rows, self.begun = 0.0, [], 0
+        self.drawn = undisturbed(n_cycles + 1, len(slaves))
         self.missed = np.zeros(len(slaves), dtype=bool)
         self.asked = np.zeros(len(slaves), dtype=bool)
         for one in slaves:
@@ -72,7 +59,7 @@ class EverySlaveHears:
         return self.time * BIT_TIME
 
     def begin(self, phase, cycle):
-        self.phase = phase
+        self.phase, self.cycle = phase, cycle if phase >= Phase.DATA_EXCHANGE else -1
         if phase == Phase.DATA_EXCHANGE:
             self.begun += 1
 
@@ -83,12 +70,13 @@ class EverySlaveHears:
         note = self.drawn[self.begun - 1, self.phase - 3, :, attempt] if cyclic else None
         for i, one in enumerate(self.slaves):
             lost = cyclic and self.rng.random() < self.rates[i][0]
-            own = order.station == one.address and order.reads[one.kind] is not None
-            in_step = one.synchronised
+            here = order.address == one.address and order.call is not Call.BROADCAST_RESET
+            own = here and as_read(order.bits, one.kind) is not None
+            in_step = one.fields["synchronised"]
             if own and cyclic:
                 asked[i] = True
-                note[i] |= MISSED if self.missed[i] and not self.asked[i] else 0
-                note[i] |= REQUEST_LOST if lost else 0
+                note["missed"][i] |= self.missed[i] and not self.asked[i]
+                note["lost"][i] |= lost
             missed[i] = lost
             bits = order.bits[:-2] + str(1 - int(order.bits[-2])) + "1" if lost else order.bits
             answer = one.hear(bits, end * BIT_TIME)
@@ -102,7 +90,7 @@ class EverySlaveHears:
             slots = np.pad(Modulation(answer.bits).pulses.signs, (0, 2))
             if cyclic and self.rng.random() < self.rates[i][1]:
                 variant = self.rng.integers(32)
-                note[i] |= (variant + 1) << 2
+                note["variant"][i] = variant + 1
                 others = [v for v in (-1, 0, 1) if v != slots[variant // 2]]
                 slots[variant // 2] = others[variant % 2]
             bits, code = Pulses(slots).check()
@@ -115,9 +103,10 @@ class EverySlaveHears:
                     one.hear(answer.bits, end * BIT_TIME)
         for one in self.slaves:
             one.pause(Event.SLAVE_PAUSE)
-        code = order.code | attempt << 16 | self.phase << PHASE | error << OUTCOME
-        code |= (reply if reply >= 0 else NO_RESPONSE) << RESPONSE | bool(answers) << EXECUTED
-        put(self.record, self.time, pause, code)
+        self.rows.append((
+            self.time, attempt, error, pause, max(reply, -1), bool(answers), self.phase, self.cycle,
+            False, order.bits, order.call, order.address, KINDS.index(order.half), order.data,
+        ))  # fmt: skip
         self.time = end + took
         return reply
 
@@ -141,9 +130,24 @@ def test_simulating_only_the_addressed_slaves_changes_nothing(seed, rate):
         order = program.send(line.transact(order, master.attempt))
     run = simulate_drawn(line.drawn, slaves, cycles=n_cycles)
     # At the first request all slaves are unsynchronised; only those at address 0 show it.
-    assert list(run.record.start) == list(line.record.start)
-    assert list(run.record.code) == list(line.record.code)
-    np.testing.assert_array_equal(run.record.pauses, np.array(line.record.pause))
+    expected = np.array(line.rows, TRANSACTION)
+    for column in TRANSACTION.names:
+        np.testing.assert_array_equal(run.record[column], expected[column])
+
+
+@pytest.mark.parametrize("slaves", [FULL, STANDARD, [*THREE, STANDARD[2]]], ids=len)
+def test_machine_code_simulates_the_same_line(slaves, monkeypatch):
+    spoil = [TelegramErrors(one.label, 0.05, 0.05) for one in slaves[:3]]
+    dead = DeadSlave(slaves[2].label, start=0.06, stop=0.07)
+    settings = {"cycles": 60, "rng": 5, "faults": [*spoil, dead]}
+    monkeypatch.setenv("SHIPNET_COMPILED", "0")
+    plain = simulate(slaves, Master(drop_after=2), **settings)
+    monkeypatch.delenv("SHIPNET_COMPILED")
+    monkeypatch.setattr(compiled, "MANY", 0)
+    fast = simulate(slaves, Master(drop_after=2), **settings)
+    for column in TRANSACTION.names:
+        np.testing.assert_array_equal(plain.record[column], fast.record[column])
+    assert plain.summary.dropped == fast.summary.dropped > 0
 
 
 # Times.
@@ -177,8 +181,8 @@ def test_a_transaction_has_the_length_of_its_parts(pauses, bits):
 
 
 def test_a_slave_that_missed_the_request_before_answers_two_bit_times_later():
-    drawn = np.zeros((3, 3, 3, 2), dtype=np.uint8)
-    drawn[1, 0, 1, 0] = MISSED
+    drawn = undisturbed(3, 3)
+    drawn["missed"][1, 0, 1, 0] = True
     table = simulate_drawn(drawn, THREE, cycles=3).events()
     late = table[table["master_pause_bit"] == 5]
     assert late[["cycle", "slave", "outcome"]].to_numpy().tolist() == [[1, "2", "ok"]]
@@ -250,8 +254,9 @@ def test_without_slaves_the_master_keeps_detecting():
 def test_a_slave_receives_outputs_and_sends_inputs():
     slaves = [slave("S-0.F.F", 1, inputs=6), slave("S-8.F.F", 2), slave("S-7.A.E", 3, "B")]
     run = simulate(slaves, Master(outputs={"2": 5, "3B": 2}), cycles=3)
-    assert run.masters[-1].lists.inputs == {2: 6, 4: 5, 7: 0}
-    assert [slave.outputs for slave in run.slaves] == [0xF, 5, 2]
+    received = run.events().query("phase == 'data_exchange'").groupby("slave")["response_data"]
+    assert received.last().to_dict() == {"1": 6, "2": 5, "3B": 0}
+    assert [slave.fields["outputs"] for slave in run.slaves] == [0xF, 5, 2]
 
 
 def test_protected_mode_activates_only_what_is_projected():
@@ -262,9 +267,9 @@ def test_protected_mode_activates_only_what_is_projected():
 
 
 def test_a_failed_request_is_repeated_once_at_once():
-    drawn = np.zeros((5, 3, 3, 2), dtype=np.uint8)
-    drawn[2, 0, 1, 0] = REQUEST_LOST
-    drawn[3, 0, 1, 0] = 9 << 2
+    drawn = undisturbed(5, 3)
+    drawn["lost"][2, 0, 1, 0] = True
+    drawn["variant"][3, 0, 1, 0] = 9
     table = simulate_drawn(drawn, THREE, cycles=5).events()
     bad = table.query("phase == 'data_exchange' and outcome != 'ok'")
     assert bad["slave"].to_list() == ["2", "2"]
@@ -285,7 +290,6 @@ def test_a_silent_slave_is_dropped_after_its_tries(repetitions, drop_after):
     worst = (1 + repetitions) * drop_after
     assert len(tries) == worst
     assert run.masters[-1].lists.las == ["1", "3"]
-    assert 4 not in run.masters[-1].lists.inputs
     classes = run.failure_classes()
     assert classes.shape == (3, worst)
     assert classes.loc["2"].to_dict() == {**dict.fromkeys(range(1, worst), 0), worst: 1}
@@ -295,12 +299,12 @@ def test_a_silent_slave_is_dropped_after_its_tries(repetitions, drop_after):
 
 @pytest.mark.parametrize("heard_again", [0, 1], ids=["at once", "after a repetition"])
 def test_only_cycles_that_fail_in_a_row_drop_a_slave(heard_again):
-    drawn = np.zeros((7, 3, 3, 2), dtype=np.uint8)
-    drawn[[1, 2, 4, 5], 0, 1, :] = REQUEST_LOST
-    drawn[3, 0, 1, :heard_again] = REQUEST_LOST
+    drawn = undisturbed(7, 3)
+    drawn["lost"][[1, 2, 4, 5], 0, 1, :] = True
+    drawn["lost"][3, 0, 1, :heard_again] = True
     run = simulate_drawn(drawn, THREE, cycles=7)
     assert (run.summary.dropped, run.masters[-1].lists.las) == (0, ["1", "2", "3"])
-    drawn[6, 0, 1, :] = REQUEST_LOST
+    drawn["lost"][6, 0, 1, :] = True
     assert simulate_drawn(drawn, THREE, cycles=7).summary.dropped == 1
 
 
@@ -309,7 +313,7 @@ def test_a_slave_that_returns_is_included_again():
     events = run.lists.query("slave == '2' and list == 'LAS'")
     assert events["present"].to_list() == [True, False, True]
     assert events["time_s"].iloc[2] > 0.1
-    assert run.slaves[1].outputs == 0xF and run.slaves[1].active
+    assert run.slaves[1].fields["outputs"] == 0xF and run.slaves[1].fields["active"]
 
 
 def test_a_new_slave_replaces_the_only_missing_one():
@@ -358,7 +362,7 @@ def test_delete_then_assign_changes_the_address_of_a_slave_in_operation():
     run = simulate(THREE, cycles=100, commands=[(0.02, ChangeAddress("2", "9"))])
     assert run.commands["done"].to_list() == [True]
     assert run.masters[-1].lists.las == ["1", "3", "9"]
-    assert (run.slaves[1].address, run.slaves[1].active) == (9, True)
+    assert (run.slaves[1].address, run.slaves[1].fields["active"]) == (9, True)
     sent = run.events().query("phase == 'management' and call != 'READ_STATUS' and time_s > .02")
     assert sent["call"].to_list()[:2] == ["DELETE_ADDRESS", "READ_IO_CONFIGURATION"]
     assert "ASSIGN_ADDRESS" in sent["call"].to_list()
@@ -424,6 +428,26 @@ def test_a_command_reports_its_outcome(command, says):
     assert run.masters[-1].lists.las == ["1", "2", "3"]
 
 
+@pytest.mark.parametrize("bits", [1, 13, 27, 100])
+@pytest.mark.parametrize("cycle", [0, 10])
+def test_a_command_is_carried_out_in_the_cycle_in_which_it_is_given(cycle, bits):
+    # Three exchanges of 26 bit times precede the management phase.
+    start = simulate(THREE, cycles=12).events().groupby("cycle")["time_s"].first()[cycle]
+    run = simulate(THREE, cycles=20, commands=[(start + bits * BIT_TIME, ReadCodes("2"))])
+    asked = run.events().query("phase == 'management' and call != 'READ_STATUS'")
+    assert asked["cycle"].iloc[0] == (cycle if bits < 78 else cycle + 1)
+
+
+def test_a_slave_that_is_dropped_while_it_is_activated_again_stays_dropped():
+    # It misses its polls in the three cycles in which it is reset and receives parameters and data.
+    drawn = undisturbed(20, 3)
+    drawn["lost"][10:13, 0, 1, :] = True
+    reset = simulate(THREE, cycles=12).events().groupby("cycle")["time_s"].first()[10]
+    run = simulate_drawn(drawn, THREE, cycles=20, commands=[(reset, ResetSlave("2"))])
+    assert run.commands["outcome"].to_list() == ["slave 2 was reset and is not active"]
+    assert run.summary.dropped == 1
+
+
 # Faults.
 
 
@@ -461,8 +485,8 @@ def test_id_code_1_does_not_distinguish_slaves_at_one_address():
 
 def test_unsynchronised_slaves_at_one_address_are_an_error_even_with_equal_data():
     twins = [*THREE, slave("S-7.F.F", 2, inputs=2)]
-    drawn = np.zeros((4, 3, 4, 2), dtype=np.uint8)
-    drawn[2, 0, 3, 0] = MISSED
+    drawn = undisturbed(4, 4)
+    drawn["missed"][2, 0, 3, 0] = True
     table = simulate_drawn(drawn, twins, cycles=4).events()
     bad = table.query("phase == 'data_exchange' and outcome != 'ok'")
     assert bad[["cycle", "slave"]].to_numpy().tolist() == [[2, "2"]]
@@ -512,6 +536,12 @@ def test_a_slave_returns_when_its_last_fault_ends(faults):
         assert run.masters[-1].lists.las == las
 
 
+def test_a_cycle_that_ends_with_the_supply_is_not_as_long_as_the_dip():
+    starts = simulate(THREE, cycles=3).events().groupby("cycle")["time_s"].first()
+    dip = SupplyDip(start=starts[2] + 1e-6, stop=0.2)
+    assert simulate(THREE, until=0.3, faults=dip).cycle_times.max() < 1e-3
+
+
 def test_a_supply_dip_resets_everything_and_the_master_begins_anew():
     run = simulate(
         THREE, Master(outputs={"1": 0}), until=0.1, faults=[SupplyDip(start=0.04, stop=0.06)]
@@ -538,10 +568,10 @@ def test_a_standby_master_takes_over_before_a_watchdog_trips():
     assert 1e-3 < gap < 1e-3 + 26 * BIT_TIME + 1e-9
     # It continues with data exchange, and with the outputs that it received.
     assert table["phase"][taken].iloc[0] == "data_exchange"
-    assert [slave.outputs for slave in run.slaves] == [1, 2, 3]
+    assert [slave.fields["outputs"] for slave in run.slaves] == [1, 2, 3]
     assert [slave.trips for slave in run.slaves] == [[], [], []]
     alone = simulate(slaves, first, until=0.3, faults=[MasterFailure(start=0.1)])
-    assert [slave.outputs for slave in alone.slaves] == [0xF] * 3
+    assert [slave.fields["outputs"] for slave in alone.slaves] == [0xF] * 3
     assert all(0.1 < slave.trips[0] < 0.152 for slave in alone.slaves)
     slow = Standby(Master(PROJECTED), silence=60e-3)
     late = simulate(slaves, first, until=0.3, faults=[MasterFailure(start=0.1)], standby=slow)
@@ -562,6 +592,15 @@ def test_a_standby_master_hears_both_halves():
     assert run.summary.dropped == 0
     # It had them all from the beginning and did not have to find them.
     assert len({time for time, *_ in run.masters[-1].lists.changes}) == 1
+
+
+def test_the_first_cycle_of_a_standby_master_does_not_contain_the_silence():
+    # The first master fails in its cycle 0, too.
+    failure = MasterFailure(start=simulate(THREE, cycles=0).end * BIT_TIME + 40 * BIT_TIME)
+    standby = Standby(Master(PROJECTED), silence=20e-3)
+    run = simulate(THREE, until=0.1, faults=failure, standby=standby)
+    assert run.events()["standby"].any()
+    assert run.cycle_times.max() < 1e-3
 
 
 # Statistics.
@@ -630,11 +669,11 @@ def test_the_table_spells_the_requests():
 
 
 def test_failures_of_two_slaves_are_not_taken_for_one_series():
-    record = Record(Transaction())
-    for number, (address, outcome) in enumerate([(1, 0), (1, 5), (1, 5), (2, 5), (2, 0)]):
-        code = prepared(Call.DATA_EXCHANGE, address, 1).code | outcome << OUTCOME
-        put(record, 26.0 * number, 3.0, code)
-    classes = Run(record, 130.0, [RunningMaster(Master())], [], []).failure_classes()
+    record = np.zeros(5, TRANSACTION)
+    record["start"], record["address"] = 26.0 * np.arange(5), [1, 1, 1, 2, 2]
+    record["outcome"] = [0, 5, 5, 5, 0]
+    masters = [RunningMaster(Master())]
+    classes = Run(record, 130.0, Transaction(), masters, [], []).failure_classes()
     assert classes.loc["1"].to_list() == [0, 1, 0, 0, 0, 0]
     assert classes.loc["2"].to_list() == [1, 0, 0, 0, 0, 0]
 

@@ -61,23 +61,23 @@ def test_any_pause_brings_an_asynchronous_slave_to_receive(event):
     slave = RunningSlave(Slave("21", "S-7.F.F"))
     slave.pause(event)
     assert slave.state is State.RECEIVE
-    assert not slave.synchronised
+    assert not slave.fields["synchronised"]
 
 
 def test_an_error_sends_it_to_asynchronous_without_an_answer():
     slave = listening()
     say(slave, Request(Call.READ_ID, 3))
-    assert slave.synchronised
+    assert slave.fields["synchronised"]
     assert slave.hear(GARBLED) is None
     assert slave.state is State.ASYNCHRONOUS
-    assert not slave.synchronised
+    assert not slave.fields["synchronised"]
 
 
 def test_a_request_to_another_address_sends_it_to_synchronous_without_an_answer():
     slave = listening()
     assert slave.hear(FOREIGN) is None
     assert slave.state is State.SYNCHRONOUS
-    assert slave.synchronised
+    assert slave.fields["synchronised"]
 
 
 def test_an_unknown_call_sends_it_to_synchronous_without_an_answer():
@@ -97,10 +97,10 @@ def test_its_own_request_is_answered_and_sends_it_to_synchronous():
 def test_a_call_without_answer_is_obeyed_silently():
     slave = listening(inputs=3)
     say(slave, Request(Call.WRITE_PARAMETER, 21, 5))
-    assert slave.active
+    assert slave.fields["active"]
     assert slave.hear(Request(Call.BROADCAST_RESET, 31).bits) is None
     assert slave.state is State.SYNCHRONOUS
-    assert not slave.active
+    assert not slave.fields["active"]
 
 
 def test_a_synchronous_slave_ignores_the_response_until_the_pause_after_it():
@@ -111,7 +111,7 @@ def test_a_synchronous_slave_ignores_the_response_until_the_pause_after_it():
     assert slave.state is State.SYNCHRONOUS
     slave.pause(Event.SLAVE_PAUSE)
     assert slave.state is State.RECEIVE
-    assert slave.synchronised
+    assert slave.fields["synchronised"]
 
 
 def test_an_unsynchronised_slave_reads_the_response_as_a_faulty_request():
@@ -158,7 +158,7 @@ def test_data_need_a_parameter_first():
     assert say(slave, Request(Call.WRITE_PARAMETER, 21, 0xA)).data == 0xA
     # D0 and D1 are inputs; D2 and D3 are outputs, and echoed.
     assert say(slave, Request.data_exchange(21, 0b1000)).data == 0b1011
-    assert (slave.outputs, slave.parameter) == (0b1000, 0xA)
+    assert (slave.fields["outputs"], slave.parameter) == (0b1000, 0xA)
 
 
 def test_the_codes_are_read():
@@ -223,7 +223,11 @@ def test_a_supply_lost_later_does_not():
     say(slave, Request(Call.ASSIGN_ADDRESS, 0, 9), 1.0)
     slave.switch_off(1.0 + WRITE_TIME)
     slave.switch_on()
-    assert (slave.address, slave.state, slave.synchronised) == (9, State.ASYNCHRONOUS, False)
+    assert (slave.address, slave.state, slave.fields["synchronised"]) == (
+        9,
+        State.ASYNCHRONOUS,
+        False,
+    )
 
 
 def test_bit_3_of_id1_is_the_half():
@@ -253,7 +257,7 @@ def test_without_an_address_it_is_of_no_half(half):
 
 def test_the_periphery_fault_is_status_bit_1():
     slave = listening()
-    slave.periphery_fault = True
+    slave.fields["periphery_fault"] = True
     assert say(slave, Request(Call.READ_STATUS, 21)).data == 2
 
 
@@ -286,7 +290,7 @@ def test_data_and_parameters_go_to_one_half(half):
     assert say(slave, Request(Call.WRITE_PARAMETER, 21, 3, half)).data == 3
     assert say(slave, Request.data_exchange(21, 5, other)) is None
     assert say(slave, Request.data_exchange(21, 5, half)).data == 0xC
-    assert slave.outputs == 5
+    assert slave.fields["outputs"] == 5
 
 
 def test_a_standard_slave_answers_no_call_to_a_b_slave():
@@ -302,9 +306,9 @@ def test_the_watchdog_resets_after_its_time_without_data():
     say(slave, Request(Call.WRITE_PARAMETER, 21, 1), 0.0)
     say(slave, Request.data_exchange(21, 0), 0.05)
     assert say(slave, Request.data_exchange(21, 0), 0.05 + WATCHDOG) is not None
-    assert slave.outputs == 0
+    assert slave.fields["outputs"] == 0
     assert say(slave, Request.data_exchange(21, 0), 0.06 + 2 * WATCHDOG) is None
-    assert slave.outputs == 0xF
+    assert slave.fields["outputs"] == 0xF
     assert slave.trips == [pytest.approx(0.05 + 2 * WATCHDOG)]
 
 
