@@ -18,6 +18,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from pkgutil import resolve_name
+from textwrap import dedent
 from types import FunctionType
 from typing import Any, Generic, ParamSpec, TypeVar
 
@@ -115,7 +116,7 @@ class Code:
     Parameters
     ----------
     function : callable or str
-        A function, method or class of Python, or the full name of one, such as
+        A function, method, property or class of Python, or the full name of one, such as
         ``"shipnet.can.bus.send"``.
 
     Raises
@@ -133,7 +134,8 @@ class Code:
     def __init__(self, function: Callable[..., Any] | str) -> None:
         try:
             found = resolve_name(function) if isinstance(function, str) else function
-            self._text = inspect.getsource(inspect.unwrap(found)).rstrip()
+            found = found.fget if isinstance(found, property) else found
+            self._text = dedent(inspect.getsource(inspect.unwrap(found))).rstrip()
         except (AttributeError, ImportError, OSError, TypeError, ValueError):
             raise ArgumentError(
                 f"function is {function!r}; it must be a function of Python or its full name"

@@ -164,6 +164,7 @@ def test_a_cache_that_cannot_be_written_is_not_used(folder):
 
 def test_code_shows_the_plain_source_of_a_kernel():
     assert repr(Code(climb)).startswith("@compiled\ndef climb(steps):\n")
+    assert repr(Code("shipnet.asi.modulation.Modulation.steps")).startswith("@property\ndef steps")
     shown = Code(climb)._repr_markdown_()
     assert shown.startswith("```python\n@compiled\n")
     assert shown.endswith("return value\n```")
