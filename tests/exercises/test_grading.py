@@ -178,7 +178,7 @@ def test_text_that_is_not_unicode_is_written_and_printed(tmp_path, capsys):
         write(tmp_path / "caf.ipynb", ME, RIGHT, *checks(4))
     files = [tmp_path / f"grades{suffix}" for suffix in (".csv", ".html", ".xlsx", ".json")]
     assert main(["grade", str(tmp_path), *(w for file in files for w in ("-o", str(file)))]) == 0
-    rows = list(csv.DictReader(files[0].read_text(encoding="utf-8").splitlines()))
+    rows = list(csv.DictReader(files[0].read_text(encoding="utf-8-sig").splitlines()))
     assert [row["name"] for row in rows] == ["A\\ud800B", "", "Ann"]
     assert [row["points"] for row in rows] == ["1", "0", "1"]
     assert "A\\ud800B" in capsys.readouterr().out

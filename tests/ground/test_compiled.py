@@ -39,6 +39,8 @@ def same(one, other):
     one, other = np.asarray(one), np.asarray(other)
     if one.shape != other.shape:
         return False
+    if one.dtype.names:
+        return all(same(one[name], other[name]) for name in one.dtype.names)
     if one.dtype.kind in "fc" or other.dtype.kind in "fc":
         scale = np.abs(one[np.isfinite(one)]).max(initial=0)
         return np.allclose(one, other, rtol=1e-12, atol=1e-12 * scale, equal_nan=True)
