@@ -2,8 +2,8 @@
 
 A heading of level 2 begins a column of slides; other text and the questions begin slides below it.
 The result of a prediction is on the next slide, and each exercise has its own slide. Figures, the
-glossary and the output of more than eight lines of code are shown without the code; widgets are
-left out. The speaker view (key S) shows the minutes of each slide and the solutions. In the
+glossary and the output of more than eight lines of code are shown without the code; widgets and
+listings that are taller than a screen are left out. The speaker view (key S) shows the minutes of each slide and the solutions. In the
 browser, slides_template/fit.js fits figures to the remaining space and splits slides that are too
 tall.
 """
@@ -29,6 +29,8 @@ REVEAL = TEMPLATE / "vendor" / "reveal-5.2.1"
 HIDDEN = {"setup", "widget", "exercise", "check"}
 #: Largest number of lines of code that a class can read on a slide.
 MOST_LINES = 8
+#: Largest number of lines of a listing that fits on a slide.
+TALLEST = 30
 #: The line with the minutes of a section, shown in the speaker view but not on the slide.
 MINUTES = re.compile(r"^\*\d+ minutes?\.\*\n*", re.MULTILINE)
 #: Where a Markdown cell is split into several slides.
@@ -76,8 +78,10 @@ def mark(notebook: NotebookNode) -> None:
             # A figure's caption and the text on what to notice stay on its slide if there is room.
             elif not re.match(r"\*[^*]|\*\*What to notice", cell.source):
                 kind = "subslide"
-        elif HIDDEN & editions.tags(cell) or (
-            re.match(r"(import|from) ", cell.source) and not cell.get("outputs")
+        elif (
+            HIDDEN & editions.tags(cell)
+            or (re.match(r"(import|from) ", cell.source) and not cell.get("outputs"))
+            or (cell.source.startswith("Code(") and _lines(cell) > TALLEST)
         ):
             kind = "skip"
         else:
@@ -88,6 +92,12 @@ def mark(notebook: NotebookNode) -> None:
             if shows or long or cell.source.startswith("glossary("):
                 cell.metadata["transient"] = {"remove_source": True}
         cell.metadata["slideshow"] = {"slide_type": kind}
+
+
+def _lines(cell: NotebookNode) -> int:
+    """Return the number of lines of a cell's outputs as text."""
+    texts = [output.get("data", {}).get("text/plain", "") for output in cell.outputs]
+    return "\n".join(texts).count("\n") + 1
 
 
 def solutions(lesson: NotebookNode) -> dict[str, str]:
