@@ -3,9 +3,9 @@
 A heading of level 2 begins a column of slides; other text and the questions begin slides below it.
 The result of a prediction is on the next slide, and each exercise has its own slide. Figures, the
 glossary and the output of more than eight lines of code are shown without the code; widgets and
-listings that are taller than a screen are left out. The speaker view (key S) shows the minutes of each slide and the solutions. In the
-browser, slides_template/fit.js fits figures to the remaining space and splits slides that are too
-tall.
+listings that are taller than a screen are left out. The speaker view (key S) shows the minutes of
+each slide and the solutions. In the browser, slides_template/fit.js fits figures to the remaining
+space and splits slides that are too tall.
 """
 
 from __future__ import annotations
