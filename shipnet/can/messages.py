@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeVar, overload
@@ -19,7 +20,7 @@ import numpy.typing as npt
 
 from shipnet import datasets
 from shipnet.arguments import checked
-from shipnet.arrays import Floats, Indices
+from shipnet.arrays import Floats, Indices, Integers
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import Stuffing, length_table
 from shipnet.clock import nanoseconds
@@ -225,8 +226,6 @@ class MessageSet(Named[Message]):
     {'fast': 2, 'slow': 4}
     """
 
-    __slots__ = ("_items", "aperiodic", "overlooked")
-
     def __init__(
         self,
         messages: Iterable[Message],
@@ -253,7 +252,15 @@ class MessageSet(Named[Message]):
     @property
     def periods(self) -> Floats:
         """Periods in order of priority [s]."""
-        return np.array([message.period for message in self._items], dtype=np.float64)
+        return self.times[0] / 1e9
+
+    @cached_property
+    def times(self) -> Integers:
+        """Rows of the periods, deadlines, jitters and offsets in order of priority [ns]."""
+        rows = [[getattr(message, time) for message in self._items] for time in TIMES]
+        times = np.rint(np.array(rows) * 1e9).astype(np.int64)
+        times.flags.writeable = False
+        return times
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, MessageSet) and self._items == other._items

@@ -218,7 +218,7 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
     0.00108
     """
     grain = nanoseconds(check_scalar("step", step, "s", 1e-6, 1))
-    periods = np.array([nanoseconds(message.period) for message in messages])
+    periods = messages.times[0]
     length = message_lengths(messages)
     offsets = [message.offset for message in messages]
     senders = [message.sender for message in messages]

@@ -423,19 +423,15 @@ class _Columns(NamedTuple):
     bit: int
     length: Integers
     period: Integers
-    offset: Integers
-    jitter: Integers
     deadline: Integers
+    jitter: Integers
+    offset: Integers
 
 
 def _columns(messages: MessageSet, bit_rate: float) -> _Columns:
     """Return a message set as columns; `owner` is the index of each message's sender."""
     if not len(messages):
         raise ArgumentError("messages are empty; there must be at least one")
-    times = (
-        np.array([nanoseconds(getattr(m, time)) for m in messages], dtype=np.int64)
-        for time in ("period", "offset", "jitter", "deadline")
-    )
     senders = [message.sender or message.name for message in messages]
     nodes = list(dict.fromkeys(senders))
     bit = bit_time_ns(bit_rate)
@@ -444,7 +440,7 @@ def _columns(messages: MessageSet, bit_rate: float) -> _Columns:
         np.array([nodes.index(sender) for sender in senders], dtype=np.int64),
         bit,
         message_lengths(messages).astype(np.int64) * bit,
-        *times,
+        *messages.times,
     )
 
 
