@@ -243,6 +243,7 @@ class MessageSet(Named[Message]):
         if faults:
             raise ArgumentError("; ".join(fault for _, fault in faults))
         self._items = tuple(sorted(given, key=lambda message: message.priority))
+        self._lengths: dict[Stuffing, Floats] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -252,7 +253,8 @@ class MessageSet(Named[Message]):
     @property
     def periods(self) -> Floats:
         """Periods in order of priority [s]."""
-        return self.times[0] / 1e9
+        periods: Floats = self.times[0] / 1e9
+        return periods
 
     @cached_property
     def times(self) -> Integers:
@@ -261,6 +263,14 @@ class MessageSet(Named[Message]):
         times = np.rint(np.array(rows) * 1e9).astype(np.int64)
         times.flags.writeable = False
         return times
+
+    def lengths(self, stuffing: Stuffing = "worst") -> Floats:
+        """Return the frame lengths in order of priority, including intermission [bit]."""
+        if stuffing not in self._lengths:
+            lengths = np.array([m.frame_length(stuffing) for m in self._items], dtype=np.float64)
+            lengths.flags.writeable = False
+            self._lengths[stuffing] = lengths
+        return self._lengths[stuffing]
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, MessageSet) and self._items == other._items
@@ -391,15 +401,9 @@ def bus_load(
     rate = np.asarray(bit_rate)
     if rate.dtype.kind not in "iuf" or not ((rate >= 1000) & (rate <= 1e6)).all():
         raise ArgumentError(f"bit_rate is {bit_rate!r}; it must be 1000..1000000 bit/s")
-    bits = message_lengths(messages, stuffing)
+    bits = messages.lengths(stuffing)
     load = (bits / messages.periods / rate[..., np.newaxis]).sum(axis=-1)
     return float(load) if rate.ndim == 0 else np.asarray(load)
-
-
-def message_lengths(messages: Iterable[Message], stuffing: Stuffing = "worst") -> Floats:
-    """Return the frame length of each message, including intermission [bit]."""
-    table = length_table(stuffing)
-    return np.array([m.bits or table[m.extended][m.dlc] for m in messages], dtype=np.float64)
 
 
 def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[Indices, int]:

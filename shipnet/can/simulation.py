@@ -19,7 +19,7 @@ from shipnet.can.bus import BUS_OFF, PASSIVE, Failure, releases, send, send_dist
 from shipnet.can.faults import BitErrors, ErrorAt, Simulated
 from shipnet.can.frame import check_bit_rate
 from shipnet.can.log import Log
-from shipnet.can.messages import MessageSet, counted, message_lengths
+from shipnet.can.messages import MessageSet, counted
 from shipnet.clock import NEVER, as_faults, nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar
@@ -439,7 +439,7 @@ def _columns(messages: MessageSet, bit_rate: float) -> _Columns:
         nodes,
         np.array([nodes.index(sender) for sender in senders], dtype=np.int64),
         bit,
-        message_lengths(messages).astype(np.int64) * bit,
+        messages.lengths().astype(np.int64) * bit,
         *messages.times,
     )
 
