@@ -93,14 +93,14 @@ def wait(
 
 @compiled
 def instances(
-    m: int, C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
+    t: int, m: int, C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
     burst: int, interval: int, error: int, most: int,
 ) -> tuple[int, int, list[int]]:  # fmt: skip
     """Return message m's blocking B, busy period t, and response time R of each instance.
 
     The recurrences for t and w are from Davis, Burns, Bril, Lukkien 2007; the errors, first a burst
-    and then one per interval, are a term. If t needs more than `most` iterations or instances, it
-    is -1.
+    and then one per interval, are a term. The given t must not exceed the busy period. If t needs
+    more than `most` iterations or instances, it is -1.
     """
     B = E = queued = 0
     U = 0.0  # load
@@ -112,7 +112,7 @@ def instances(
         U += C[k] / T[k]
     U += E / interval
 
-    t, before, left = B + queued, 0, most if U < 1 + 1e-9 else 0
+    t, before, left = max(t, B + queued), 0, most if U < 1 + 1e-9 else 0
     while t != before and left > 0:
         before, left = t, left - 1
         t = B + (burst - 1 + (before + interval - 1) // interval) * E
@@ -141,8 +141,10 @@ def all_instances(
     busy: list[int] = []
     responses: list[int] = []
     ends: list[int] = []
+    t = 0
     for m in range(len(C)):
-        B, t, R = instances(m, C, T, J, tau, burst, interval, error, most)
+        # A busy period is at least as long as that of the message before.
+        B, t, R = instances(t, m, C, T, J, tau, burst, interval, error, most)
         blocking.append(B)
         busy.append(t)
         responses.extend(R)
@@ -572,5 +574,5 @@ def audsley(
 
 def _in_time(bus: Bus, m: int) -> bool:
     """Return True if a message always meets its deadline."""
-    _, t, R = instances.run(bus.steps, m, *bus.terms)
+    _, t, R = instances.run(bus.steps, 0, m, *bus.terms)
     return t >= 0 and max(R) + bus.extra[m] <= bus.D[m]

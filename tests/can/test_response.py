@@ -207,6 +207,14 @@ def test_times_that_exceed_64_bits_are_computed_without_rounding(odd):
     assert found["odd"].response == ((81 * 135) / 999_983 if odd == {"period": 1e5} else math.inf)
 
 
+@given(small_sets(), st.integers(0, 3), st.integers(300, 10**5))
+def test_each_message_alone_has_the_same_busy_period_and_instances(drawn, burst, interval):
+    terms = *drawn, 1, burst, interval if burst else 2**62, 31, 10**4
+    blocking, busy, R, ends = all_instances(*terms)
+    for m, (B, t, end) in enumerate(zip(blocking, busy, ends, strict=True)):
+        assert instances(0, m, *terms) == (B, t, R[ends[m - 1] if m else 0 : end])
+
+
 @pytest.mark.parametrize("interval", [0.1, 1e5, math.inf])
 @pytest.mark.parametrize(
     "messages",
