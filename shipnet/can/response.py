@@ -102,14 +102,17 @@ def instances(
     and then one per interval, are a term. The given t must not exceed the busy period. If t needs
     more than `most` iterations or instances, it is -1.
     """
-    B = E = queued = 0
+    B = longest = queued = 0
     U = 0.0  # load
     for k in range(m + 1, len(C)):
-        B = max(B, C[k])  # a lower-priority frame may just have started
+        if C[k] > B:
+            B = C[k]  # a lower-priority frame may just have started
     for k in range(m + 1):
-        E = max(E, error + C[k])  # an error costs an error frame and a frame that is sent again
+        if C[k] > longest:
+            longest = C[k]
         queued += C[k]
         U += C[k] / T[k]
+    E = error + longest  # an error costs an error frame and a frame that is sent again
     U += E / interval
 
     t, before, left = max(t, B + queued), 0, most if U < 1 + 1e-9 else 0
