@@ -59,7 +59,7 @@ class Assumptions:
     )
 
 
-_DAVIS = Assumptions()
+_DAVIS = Assumptions()  #: The assumptions by default.
 
 #: Iterations, or instances of a message, after which a busy period counts as endless. Only loads
 #: within about 1e-4 of 1 need this many.
@@ -197,7 +197,7 @@ def on_bus(
     never = errors.interval == math.inf
     interval = 0 if never else nanoseconds(errors.interval)
 
-    # A tick is as long as possible, so that times are small numbers.
+    # A tick is as long as the given times allow, so that most sets fit into 64 bits.
     unit = math.gcd(10**9, interval, int(np.gcd.reduce(times, axis=None)))
     second = math.lcm(10**9 // unit, rate)
     bit, ticks = second // rate, second * unit // 10**9

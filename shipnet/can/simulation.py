@@ -440,7 +440,7 @@ def _columns(messages: MessageSet, bit_rate: float) -> _Columns:
         np.array([nodes.index(sender) for sender in senders], dtype=np.int64),
         bit,
         messages.lengths().astype(np.int64) * bit,
-        *messages.times,
+        *messages.times.copy(),  # kernels are compiled for arrays that can be written
     )
 
 
