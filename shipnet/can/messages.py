@@ -267,7 +267,9 @@ class MessageSet(Named[Message]):
     def lengths(self, stuffing: Stuffing = "worst") -> Floats:
         """Return the frame lengths in order of priority, including intermission [bit]."""
         if stuffing not in self._lengths:
-            lengths = np.array([m.frame_length(stuffing) for m in self._items], dtype=np.float64)
+            table = length_table(stuffing)
+            bits = [m.bits or table[m.extended][m.dlc] for m in self._items]
+            lengths = np.array(bits, dtype=np.float64)
             lengths.flags.writeable = False
             self._lengths[stuffing] = lengths
         return self._lengths[stuffing]

@@ -297,7 +297,7 @@ class ResponseTimes(Named[ResponseTime]):
                     message,
                     frame / second,
                     B / second,
-                    math.inf if t < 0 else t / second,
+                    t / second if t >= 0 else math.inf if t < 0 else math.nan,
                     tuple([(ticks + extra) / second for ticks in own]),
                     longest / second,
                     longest <= deadline,
