@@ -99,17 +99,22 @@ def busy_window(messages):
     return responses
 
 
+def read(messages):
+    """Compute the response times and read them message by message."""
+    return [one.response for one in response_times(messages, BIT_RATE)]
+
+
 def main():
     rng = np.random.default_rng(2024)
-    heads = ("exact", "plain floats", "event models", "audsley")
+    heads = ("exact", "exact and read", "plain floats", "event models", "audsley")
     print(f"{'messages, load':<16}" + "".join(f"{head:>19}" for head in heads))
     for n, load in ((20, 0.5), (20, 0.85), (100, 0.5), (100, 0.85), (10, 0.5)):
         messages = message_set(n, load, rng)
-        ours = [r.response for r in response_times(messages, BIT_RATE)]
+        ours = read(messages)
         for peer in (plain, busy_window):
             assert np.allclose(ours, peer(messages), rtol=0, atol=1e-10)
         exact = seconds(partial(response_times, messages, BIT_RATE))
-        times = [exact, *(seconds(partial(peer, messages)) for peer in (plain, busy_window))]
+        times = [exact, *(seconds(partial(peer, messages)) for peer in (read, plain, busy_window))]
         times.append(seconds(partial(audsley, messages, BIT_RATE), repeats=2))
         print(f"{n:>4}, {load:<10}", end="")
         print("".join(f"{t * 1e3:>8.2f} ms {t / exact:>5.1f}x " for t in times))

@@ -103,14 +103,14 @@ def can_columns(draw, one):
     ]
     burst = draw(st.integers(0, 3))
     interval = tick * draw(st.integers(100, 10**5)) if burst else 2**62
-    message = (draw(st.integers(0, n - 1)),) if one else ()
+    message = (0, draw(st.integers(0, n - 1))) if one else ()
     return *message, *columns, tick, burst, interval, tick * 31, draw(st.integers(0, 300))
 
 
 @st.composite
 def waits(draw):
     """Draw the arguments of `wait` from those of `instances`, with a load below 1."""
-    m, C, T, J, tau, burst, interval, error, _ = draw(can_columns(one=True))
+    _, m, C, T, J, tau, burst, interval, error, _ = draw(can_columns(one=True))
     T = array("q", [8 * period + 1000 * tau for period in T])
     w, q, B = (tau * draw(st.integers(0, most)) for most in (0, 3, 160))
     return w, m, q // tau, B, C, T, J, tau, burst, max(interval, 10**4 * tau), error + max(C)

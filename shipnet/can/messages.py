@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeVar, overload
@@ -19,7 +20,7 @@ import numpy.typing as npt
 
 from shipnet import datasets
 from shipnet.arguments import checked
-from shipnet.arrays import Floats, Indices
+from shipnet.arrays import Floats, Indices, Integers
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import Stuffing, length_table
 from shipnet.clock import nanoseconds
@@ -225,8 +226,6 @@ class MessageSet(Named[Message]):
     {'fast': 2, 'slow': 4}
     """
 
-    __slots__ = ("_items", "aperiodic", "overlooked")
-
     def __init__(
         self,
         messages: Iterable[Message],
@@ -244,6 +243,7 @@ class MessageSet(Named[Message]):
         if faults:
             raise ArgumentError("; ".join(fault for _, fault in faults))
         self._items = tuple(sorted(given, key=lambda message: message.priority))
+        self._lengths: dict[Stuffing, Floats] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -253,7 +253,26 @@ class MessageSet(Named[Message]):
     @property
     def periods(self) -> Floats:
         """Periods in order of priority [s]."""
-        return np.array([message.period for message in self._items], dtype=np.float64)
+        periods: Floats = self.times[0] / 1e9
+        return periods
+
+    @cached_property
+    def times(self) -> Integers:
+        """Rows of the periods, deadlines, jitters and offsets in order of priority [ns]."""
+        rows = [[getattr(message, time) for message in self._items] for time in TIMES]
+        times = np.rint(np.array(rows) * 1e9).astype(np.int64)
+        times.flags.writeable = False
+        return times
+
+    def lengths(self, stuffing: Stuffing = "worst") -> Floats:
+        """Return the frame lengths in order of priority, including intermission [bit]."""
+        if stuffing not in self._lengths:
+            table = length_table(stuffing)
+            bits = [m.bits or table[m.extended][m.dlc] for m in self._items]
+            lengths = np.array(bits, dtype=np.float64)
+            lengths.flags.writeable = False
+            self._lengths[stuffing] = lengths
+        return self._lengths[stuffing]
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, MessageSet) and self._items == other._items
@@ -384,15 +403,9 @@ def bus_load(
     rate = np.asarray(bit_rate)
     if rate.dtype.kind not in "iuf" or not ((rate >= 1000) & (rate <= 1e6)).all():
         raise ArgumentError(f"bit_rate is {bit_rate!r}; it must be 1000..1000000 bit/s")
-    bits = message_lengths(messages, stuffing)
+    bits = messages.lengths(stuffing)
     load = (bits / messages.periods / rate[..., np.newaxis]).sum(axis=-1)
     return float(load) if rate.ndim == 0 else np.asarray(load)
-
-
-def message_lengths(messages: Iterable[Message], stuffing: Stuffing = "worst") -> Floats:
-    """Return the frame length of each message, including intermission [bit]."""
-    table = length_table(stuffing)
-    return np.array([m.bits or table[m.extended][m.dlc] for m in messages], dtype=np.float64)
 
 
 def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[Indices, int]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from shipnet.arguments import checked
 from shipnet.arrays import Integers
-from shipnet.can.messages import MessageSet, message_lengths
+from shipnet.can.messages import MessageSet
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
@@ -218,8 +218,8 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
     0.00108
     """
     grain = nanoseconds(check_scalar("step", step, "s", 1e-6, 1))
-    periods = np.array([nanoseconds(message.period) for message in messages])
-    length = message_lengths(messages)
+    periods = messages.times[0]
+    length = messages.lengths()
     offsets = [message.offset for message in messages]
     senders = [message.sender for message in messages]
     for sender in sorted({*senders} - {""}):

@@ -1,25 +1,27 @@
 """Worst-case response times of CAN messages, and a priority order that meets all deadlines.
 
 Times are whole numbers of ticks, because a rounding error in a ceiling function could add a whole
-frame. The nanosecond and the bit time are both multiples of a tick.
+frame. The bit time and all given times are multiples of a tick.
 """
 
 from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import MutableSequence, Sequence
+from functools import cached_property
 from itertools import chain
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from shipnet import style
 from shipnet.answers import Utilisation
 from shipnet.arguments import checked
+from shipnet.arrays import Integers
 from shipnet.can.faults import NO_ERRORS, ErrorBound
 from shipnet.can.frame import INTERMISSION, check_bit_rate
-from shipnet.can.messages import Message, MessageSet, Named, message_lengths
+from shipnet.can.messages import Message, MessageSet, Named
 from shipnet.can.offsets import Streams, clocks, longest_responses
 from shipnet.clock import NEVER, nanoseconds
 from shipnet.compiled import MANY, compiled
@@ -57,9 +59,15 @@ class Assumptions:
     )
 
 
+_DAVIS = Assumptions()  #: The assumptions by default.
+
 #: Iterations, or instances of a message, after which a busy period counts as endless. Only loads
 #: within about 1e-4 of 1 need this many.
 _MOST = 200_000
+
+Column: TypeAlias = MutableSequence[int]
+#: What `all_instances` returns.
+Found: TypeAlias = tuple[Sequence[int], Sequence[float], Sequence[int], Sequence[int]]
 
 
 @compiled
@@ -85,26 +93,29 @@ def wait(
 
 @compiled
 def instances(
-    m: int, C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
+    t: int, m: int, C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
     burst: int, interval: int, error: int, most: int,
 ) -> tuple[int, int, list[int]]:  # fmt: skip
     """Return message m's blocking B, busy period t, and response time R of each instance.
 
     The recurrences for t and w are from Davis, Burns, Bril, Lukkien 2007; the errors, first a burst
-    and then one per interval, are a term. If t needs more than `most` iterations or instances, it
-    is -1.
+    and then one per interval, are a term. The given t must not exceed the busy period. If t needs
+    more than `most` iterations or instances, it is -1.
     """
-    B = E = queued = 0
+    B = longest = queued = 0
     U = 0.0  # load
     for k in range(m + 1, len(C)):
-        B = max(B, C[k])  # a lower-priority frame may just have started
+        if C[k] > B:
+            B = C[k]  # a lower-priority frame may just have started
     for k in range(m + 1):
-        E = max(E, error + C[k])  # an error costs an error frame and a frame that is sent again
+        if C[k] > longest:
+            longest = C[k]
         queued += C[k]
         U += C[k] / T[k]
+    E = error + longest  # an error costs an error frame and a frame that is sent again
     U += E / interval
 
-    t, before, left = B + queued, 0, most if U < 1 + 1e-9 else 0
+    t, before, left = max(t, B + queued), 0, most if U < 1 + 1e-9 else 0
     while t != before and left > 0:
         before, left = t, left - 1
         t = B + (burst - 1 + (before + interval - 1) // interval) * E
@@ -133,8 +144,10 @@ def all_instances(
     busy: list[int] = []
     responses: list[int] = []
     ends: list[int] = []
+    t = 0
     for m in range(len(C)):
-        B, t, R = instances(m, C, T, J, tau, burst, interval, error, most)
+        # A busy period is at least as long as that of the message before.
+        B, t, R = instances(t, m, C, T, J, tau, burst, interval, error, most)
         blocking.append(B)
         busy.append(t)
         responses.extend(R)
@@ -146,64 +159,77 @@ class Bus(NamedTuple):
     """A message set on a bus in the symbols of `wait`, with times in ticks.
 
     D contains the deadlines; `extra` is what the reported response times contain in addition to R.
+    `steps` is about how many steps the kernels take for all messages.
     """
 
+    steps: float
     second: int
-    C: list[int]
-    T: list[int]
-    J: list[int]
-    D: list[int]
-    extra: list[int]
+    C: Column
+    T: Column
+    J: Column
+    D: Column
+    extra: Column
     tau: int
     burst: int
     interval: int
     error: int
 
-    def terms(self) -> tuple[float, tuple[Any, ...]]:
-        """Return about how many steps the kernels take for all messages, and their arguments."""
-        rows = list(zip(self.C, self.T, self.J, strict=True))
-        frame = max(self.C, default=0)
-        error = self.error + frame
-        load = error / self.interval + sum([C / T for C, T, _ in rows])
-        once = frame + self.burst * error + sum([C + J * C / T for C, T, J in rows])
-        # Frames that become due while others are sent make a busy period longer.
-        busy = once / max(abs(1 - load), 1 / _MOST)
-        steps = sum([m * (4 + 2 * (busy + J) / T) for m, (_, T, J) in enumerate(rows, 1)])
-        columns: list[Any] = [self.C, self.T, self.J]
-        interval, longest = self.interval, busy if load < 1 else once * _MOST
-        if steps >= MANY and longest + max(self.T) + max(self.J) < NEVER:
-            columns, interval = [array("q", column) for column in columns], min(interval, NEVER)
-        else:
-            steps = 0  # the integers of Python have no limit
-        return steps, (*columns, self.tau, self.burst, interval, self.error, _MOST)
+    @property
+    def terms(self) -> tuple[Any, ...]:
+        """The arguments of the kernels."""
+        errors = self.burst, self.interval, self.error
+        return self.C, self.T, self.J, self.tau, *errors, _MOST
 
 
 def on_bus(
-    messages: Sequence[Message],
+    messages: MessageSet,
     bit_rate: float,
     assumptions: Assumptions | None,
     errors: ErrorBound,
 ) -> Bus:
     """Return a message set at a given bit rate, with its times converted to ticks."""
-    assumptions = assumptions or Assumptions()
-    rate = check_bit_rate(bit_rate)
-    if rate % 1:
+    given = check_bit_rate(bit_rate)
+    if given % 1:
         raise ArgumentError(f"bit_rate is {bit_rate!r}; it must be a whole number of bit/s")
-    second = math.lcm(10**9, int(rate))
-    bit, nanosecond = second // int(rate), second // 10**9
-    times = [
-        [m.period for m in messages], [m.jitter for m in messages], [m.deadline for m in messages],
-    ]  # fmt: skip
-    T, J, D = (
-        [time * nanosecond for time in column]
-        for column in np.rint(np.array(times) * 1e9).astype(np.int64).tolist()
-    )
-    C = [int(bits) * bit for bits in message_lengths(messages, assumptions.stuffing).tolist()]
-    spared = INTERMISSION * bit if assumptions.intermission == "between" else 0
-    extra = [-spared - (0 if assumptions.own_jitter else jitter) for jitter in J]
+    rate, number, times = int(given), len(messages), messages.times
+    assumptions = assumptions or _DAVIS
+    length = messages.lengths(assumptions.stuffing)
     never = errors.interval == math.inf
-    interval = NEVER**2 if never else nanoseconds(errors.interval) * nanosecond
-    return Bus(second, C, T, J, D, extra, bit, errors.burst, interval, errors.bits * bit)
+    interval = 0 if never else nanoseconds(errors.interval)
+
+    # A tick is as long as the given times allow, so that most sets fit into 64 bits.
+    unit = math.gcd(10**9, interval, int(np.gcd.reduce(times, axis=None)))
+    second = math.lcm(10**9 // unit, rate)
+    bit, ticks = second // rate, second * unit // 10**9
+
+    # Estimates in ns. Frames that become due while others are sent make a busy period longer.
+    T, _, J, _ = times
+    C = length * (1e9 / rate)
+    share, frame, frames = C / T, float(C.max(initial=0)), float(C.sum())
+    load, late = float(share.sum()), float(share @ J)
+    error = errors.bits * 1e9 / rate + frame
+    left = 1 - load - (0 if never else error / interval)
+    once = frame + errors.burst * error + frames + late
+    busy = once / max(abs(left), 1 / _MOST)
+    steps = number * number * (2 + (busy * load + late) / max(frames, 1))
+    longest = (busy if left > 0 else once * _MOST) + 2 * int(times.max(initial=0))
+    fast = steps >= MANY and longest * second / 1e9 < NEVER
+
+    def column(values: Integers, factor: int) -> Column:
+        if fast:
+            return array("q", (values * factor).tobytes())
+        return [value * factor for value in values.tolist()]  # integers of Python have no limit
+
+    periods, deadlines, jitters = (column(row, ticks) for row in times[:3] // unit)
+    extra = [-INTERMISSION * bit if assumptions.intermission == "between" else 0] * number
+    if not assumptions.own_jitter:
+        extra = [spared - jitter for spared, jitter in zip(extra, jitters, strict=True)]
+    interval = NEVER**2 if never else interval // unit * ticks
+    return Bus(
+        steps if fast else 0, second, column(length.astype(np.int64), bit), periods, jitters,
+        deadlines, extra, bit, errors.burst, min(interval, NEVER) if fast else interval,
+        errors.bits * bit,
+    )  # fmt: skip
 
 
 class ResponseTime(NamedTuple):
@@ -252,9 +278,32 @@ class ResponseTimes(Named[ResponseTime]):
     (0.00216, False, ['A'])
     """
 
-    def __init__(self, responses: Iterable[ResponseTime], bit_rate: float) -> None:
-        self._items = tuple(responses)
+    def __init__(self, messages: MessageSet, bus: Bus, found: Found, bit_rate: float) -> None:
+        self._messages, self._bus, self._found = messages, bus, found
         self.bit_rate = float(bit_rate)
+
+    @cached_property
+    def _items(self) -> tuple[ResponseTime, ...]:  # type: ignore[override] # it is never set
+        (blocking, busy, R, ends), second = self._found, self._bus.second
+        items, first = [], 0
+        for message, frame, deadline, extra, B, t, end in zip(
+            self._messages, self._bus.C, self._bus.D, self._bus.extra, blocking, busy, ends,
+            strict=True,
+        ):  # fmt: skip
+            own: Sequence[float] = R[first:end] or [math.inf]
+            longest, first = max(own) + extra, end
+            items.append(
+                ResponseTime(
+                    message,
+                    frame / second,
+                    B / second,
+                    t / second if t >= 0 else math.inf if t < 0 else math.nan,
+                    tuple([(ticks + extra) / second for ticks in own]),
+                    longest / second,
+                    longest <= deadline,
+                )
+            )
+        return tuple(items)
 
     @property
     def met(self) -> bool:
@@ -410,37 +459,19 @@ def response_times(
     if offsets and ((faults and faults.burst) or (assumptions and not assumptions.own_jitter)):
         raise ArgumentError("offsets is True; it requires own_jitter and allows no faults")
     bus = on_bus(messages, bit_rate, assumptions, faults or NO_ERRORS)
-    steps, terms = bus.terms()
-    blocking, busy, R, ends = all_instances.run(steps, *terms)
-    second, first, found = bus.second, 0, []
-    for message, frame, deadline, extra, B, t, end in zip(
-        messages, bus.C, bus.D, bus.extra, blocking, busy, ends, strict=True
-    ):
-        own: Sequence[float] = R[first:end] or [math.inf]
-        longest, first = max(own) + extra, end
-        found.append(
-            ResponseTime(
-                message,
-                frame / second,
-                B / second,
-                t / second if t >= 0 else math.inf,
-                tuple([(ticks + extra) / second for ticks in own]),
-                longest / second,
-                longest <= deadline,
-            )
-        )
+    found: Found = all_instances.run(bus.steps, *bus.terms)
     if offsets:
         found = _with_offsets(bus, messages, found)
-    return ResponseTimes(found, bit_rate)
+    return ResponseTimes(messages, bus, found, bit_rate)
 
 
-def _with_offsets(bus: Bus, messages: MessageSet, found: list[ResponseTime]) -> list[ResponseTime]:
+def _with_offsets(bus: Bus, messages: MessageSet, found: Found) -> Found:
     """Return the response times, taking account of the offsets between each sender's messages."""
-    nanosecond = bus.second // 10**9
-    offsets = [nanoseconds(m.offset) * nanosecond % T for m, T in zip(messages, bus.T, strict=True)]
+    given = messages.times[3].tolist()
+    offsets = [time * bus.second // 10**9 % T for time, T in zip(given, bus.T, strict=True)]
     rows = (bus.T, bus.C, bus.J, offsets)
     tick = math.gcd(bus.tau, *chain.from_iterable(rows))
-    clock = clocks([message.sender for message in messages], bus.T)
+    clock = clocks([message.sender for message in messages], list(bus.T))
     try:
         period, frame, jitter, offset = (
             np.array([time // tick for time in row], dtype=np.int64) for row in rows
@@ -451,16 +482,9 @@ def _with_offsets(bus: Bus, messages: MessageSet, found: list[ResponseTime]) -> 
         ticks = None
     if ticks is None:
         return found
-    responses = [value * tick + extra for value, extra in zip(ticks, bus.extra, strict=True)]
-    return [
-        one._replace(
-            busy_period=math.nan,
-            instances=(longest / bus.second,),
-            response=longest / bus.second,
-            met=longest <= deadline,
-        )
-        for one, longest, deadline in zip(found, responses, bus.D, strict=True)
-    ]
+    number = len(messages)
+    longest = [value * tick for value in ticks]
+    return found[0], [math.nan] * number, longest, range(1, number + 1)
 
 
 class Assignment(NamedTuple):
@@ -529,9 +553,10 @@ def audsley(
     >>> audsley(messages, 125e3)
     Assignment(messages=MessageSet(3 messages: Z, Y, X), feasible=True, unplaced=())
     """
-    left = sorted(messages, key=lambda message: message.deadline)
+    left = messages.deadline_monotonic()
     bus = on_bus(left, bit_rate, assumptions, faults or NO_ERRORS)
-    columns: list[list[Any]] = [left, bus.C, bus.T, bus.J, bus.D, bus.extra]
+    names = list(left.names)
+    columns: list[MutableSequence[Any]] = [names, bus.C, bus.T, bus.J, bus.D, bus.extra]
     level = len(left) - 1
 
     def move(place: int, to: int) -> None:
@@ -547,12 +572,10 @@ def audsley(
         else:
             break
         level -= 1
-    names = [message.name for message in left]
     return Assignment(messages.ordered(names), level < 0, tuple(names[: level + 1]))
 
 
 def _in_time(bus: Bus, m: int) -> bool:
     """Return True if a message always meets its deadline."""
-    steps, terms = bus.terms()
-    _, t, R = instances.run(steps, m, *terms)
+    _, t, R = instances.run(bus.steps, 0, m, *bus.terms)
     return t >= 0 and max(R) + bus.extra[m] <= bus.D[m]

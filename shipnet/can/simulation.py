@@ -19,7 +19,7 @@ from shipnet.can.bus import BUS_OFF, PASSIVE, Failure, releases, send, send_dist
 from shipnet.can.faults import BitErrors, ErrorAt, Simulated
 from shipnet.can.frame import check_bit_rate
 from shipnet.can.log import Log
-from shipnet.can.messages import MessageSet, counted, message_lengths
+from shipnet.can.messages import MessageSet, counted
 from shipnet.clock import NEVER, as_faults, nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar
@@ -423,19 +423,15 @@ class _Columns(NamedTuple):
     bit: int
     length: Integers
     period: Integers
-    offset: Integers
-    jitter: Integers
     deadline: Integers
+    jitter: Integers
+    offset: Integers
 
 
 def _columns(messages: MessageSet, bit_rate: float) -> _Columns:
     """Return a message set as columns; `owner` is the index of each message's sender."""
     if not len(messages):
         raise ArgumentError("messages are empty; there must be at least one")
-    times = (
-        np.array([nanoseconds(getattr(m, time)) for m in messages], dtype=np.int64)
-        for time in ("period", "offset", "jitter", "deadline")
-    )
     senders = [message.sender or message.name for message in messages]
     nodes = list(dict.fromkeys(senders))
     bit = bit_time_ns(bit_rate)
@@ -443,8 +439,8 @@ def _columns(messages: MessageSet, bit_rate: float) -> _Columns:
         nodes,
         np.array([nodes.index(sender) for sender in senders], dtype=np.int64),
         bit,
-        message_lengths(messages).astype(np.int64) * bit,
-        *times,
+        messages.lengths().astype(np.int64) * bit,
+        *messages.times.copy(),  # kernels are compiled for arrays that can be written
     )
 
 

@@ -207,6 +207,30 @@ def test_times_that_exceed_64_bits_are_computed_without_rounding(odd):
     assert found["odd"].response == ((81 * 135) / 999_983 if odd == {"period": 1e5} else math.inf)
 
 
+@given(small_sets(), st.integers(0, 3), st.integers(300, 10**5))
+def test_each_message_alone_has_the_same_busy_period_and_instances(drawn, burst, interval):
+    terms = *drawn, 1, burst, interval if burst else 2**62, 31, 10**4
+    blocking, busy, R, ends = all_instances(*terms)
+    for m, (B, t, end) in enumerate(zip(blocking, busy, ends, strict=True)):
+        assert instances(0, m, *terms) == (B, t, R[ends[m - 1] if m else 0 : end])
+
+
+@pytest.mark.parametrize("interval", [0.1, 1e5, math.inf])
+@pytest.mark.parametrize(
+    "messages",
+    [
+        [Message(f"m{k}", k, 8, 7.966e-3, jitter=0.7966) for k in range(59)],  # load 0.9999
+        [Message(f"m{k}", k, 8, 0.015 + 1e-9) for k in range(90)],
+    ],
+)
+def test_large_sets_at_odd_bit_rates_are_compiled(messages, interval):
+    fast = Mock(return_value=([], [], [], []))
+    with patch.dict(all_instances.__dict__, fast=fast):
+        response_times(MessageSet(messages), 999_983, faults=errors(1, interval))
+    columns, numbers = fast.call_args.args[:3], fast.call_args.args[3:]
+    assert max(*(max(column) for column in columns), *numbers) <= 2**62
+
+
 @given(small_sets(most_jitter=1.0), st.integers(0, 2**32 - 1))
 def test_no_release_exceeds_the_bound(drawn, seed):
     frames, periods, jitters = drawn
