@@ -150,7 +150,8 @@ def transfer(
     of the nodes at its ends, at each of which one of `trees` must begin.
     """
     cables = [id(cable) for cable, _ in pieces]
-    lengths = [length if isinstance(length, float) else id(length) for _, length in pieces]
+    # Lengths that differ only by rounding count as equal.
+    lengths = [f"{v:.13g}" if isinstance(v, float) else id(v) for _, v in pieces]
     waves = _once(Waves.of, ((cable, s) for cable, _ in pieces), cables)
     parts = [(on, length) for on, (_, length) in zip(waves, pieces, strict=True)]
     lines = _once(Waves.chain, parts, zip(cables, lengths, strict=True))
