@@ -72,17 +72,23 @@ def check_lines(
     if missing:
         raise ArgumentError(f"limits lack {', '.join(missing)}")
     transaction = Transaction() if transaction is None else transaction
-    rows = (row for line in lines for row in _rows(line, wanted_cycle, transaction))
-    table = pd.DataFrame(rows, columns=["rule", "object", "value", "own", "why"])
-    value = table["value"] = table["value"].astype(float)
-    table = table.join(bounds.drop(columns="object"), on="rule")
-    table["high"] = table["own"].astype(float).fillna(table["high"])
-    low, high = table["low"].fillna(-np.inf), table["high"].fillna(np.inf)
-    met = value.between(low - _SLACK * low.abs(), high + _SLACK * high.abs())
-    known = np.where(met, "met", "violated")
-    table["verdict"] = np.where(value.isna(), "not verified", known)
-    table["why"] = table["why"].where(table["why"] != "", table["note"])
-    return table[[*COLUMNS, "graded"]]
+    rows = [row for line in lines for row in _rows(line, wanted_cycle, transaction)]
+    rule, name, values, own, why = zip(*rows, strict=True)
+    rank = {rule: place for place, rule in enumerate(bounds.index)}
+    places = [rank[one] for one in rule]
+    limit = {column: bounds[column].to_numpy()[places] for column in published.columns}
+    value, low = np.array(values, dtype=float), limit["low"].astype(float)
+    high = np.array(own, dtype=float)
+    high = np.where(np.isnan(high), limit["high"].astype(float), high)
+    # A comparison with NaN, which means no limit, is False.
+    beyond = (value < low - _SLACK * abs(low)) | (value > high + _SLACK * abs(high))
+    verdict = np.where(np.isnan(value), "not verified", np.where(beyond, "violated", "met"))
+    reason = [said or note for said, note in zip(why, limit["note"], strict=True)]
+    columns = (
+        rule, name, value, low, high, limit["unit"], verdict, reason, limit["source"],
+        limit["graded"],
+    )  # fmt: skip
+    return pd.DataFrame(dict(zip((*COLUMNS, "graded"), columns, strict=True)))
 
 
 def meets(lines: Sequence[tuple[Segment, ...]], limits: pd.DataFrame) -> bool:

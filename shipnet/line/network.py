@@ -187,19 +187,16 @@ class Network:
         self.runs = tuple(runs)
         self.loads = dict(loads or {})
         self._index: dict[str, int] = {}
-        self._near: list[list[tuple[int, int]]] = []
         self._ring: int | None = None
-        group: list[int] = []
         ends: set[tuple[int, int]] = set()
+        group = list(range(2 * len(self.runs)))
         trees: int | None = None
-        cables: set[int] = set()
+        known: set[int] = set()
         for number, run in enumerate(self.runs):
-            i, j = self._number(run.a), self._number(run.b)
-            group += range(len(group), len(self._index))
-            pair = (i, j) if i < j else (j, i)
+            pair = i, j = self._number(run.a), self._number(run.b)
             if pair in ends:
                 raise ArgumentError(f"{run} joins two nodes that another cable already joins")
-            ends.add(pair)
+            ends |= {pair, (j, i)}
             one, other = _leader(group, i), _leader(group, j)
             if one == other:
                 if self._ring is not None:
@@ -209,26 +206,23 @@ class Network:
                     )
                 self._ring = number
             group[one] = other
-            self._near[i].append((j, number))
-            self._near[j].append((i, number))
             if not isinstance(run.length, float):
                 trees = check_trees(str(run), trees, run.length)
-            if id(run.cable) not in cables:
-                cables.add(id(run.cable))
+            if id(run.cable) not in known:
+                known.add(id(run.cable))
                 trees = check_trees(str(run), trees, *run.made_of.parameters)
         for node, load in self.loads.items():
             check_node(node)
             if not isinstance(load, Load):
                 raise ArgumentError(f"load at node {node!r} is {load!r}; it must be a Load")
-            trees = check_trees(f"load at node {node!r}", trees, *load.shunt)
+            if id(load) not in known:
+                known.add(id(load))
+                trees = check_trees(f"load at node {node!r}", trees, *load.parameters)
             self._number(node)
         self._trees = trees
 
     def _number(self, name: str) -> int:
-        if name not in self._index:
-            self._index[name] = len(self._index)
-            self._near.append([])
-        return self._index[name]
+        return self._index.setdefault(name, len(self._index))
 
     def __repr__(self) -> str:
         shape = "tree" if self._ring is None else "ring"
@@ -273,9 +267,14 @@ class Network:
         """Return the network as a tree with a root."""
         if not self.runs:
             raise ArgumentError("the network has no cable; it must have at least one")
+        near: list[list[tuple[int, int]]] = [[] for _ in self._index]
+        for number, run in enumerate(self.runs):
+            i, j = self._index[run.a], self._index[run.b]
+            near[i].append((j, number))
+            near[j].append((i, number))
         order, parent, above = [self.index(root, "root")], [-1], [-1]
         for place, here in enumerate(order):
-            for node, number in self._near[here]:
+            for node, number in near[here]:
                 if number not in (above[place], self._ring):
                     order.append(node)
                     parent.append(place)

@@ -13,7 +13,7 @@ not overflow on a long line.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -149,38 +149,33 @@ def transfer(
     The first of `trees` begins at the root. `ring` is the index of the piece that closes a ring and
     of the nodes at its ends, at each of which one of `trees` must begin.
     """
-    cables = [id(cable) for cable, _ in pieces]
-    lengths = [length if isinstance(length, float) else id(length) for _, length in pieces]
-    waves = _once(Waves.of, ((cable, s) for cable, _ in pieces), cables)
-    parts = [(on, length) for on, (_, length) in zip(waves, pieces, strict=True)]
-    lines = _once(Waves.chain, parts, zip(cables, lengths, strict=True))
-    each = shunts.swapaxes(0, 1)
-    loads = _once(_admittance, ((load, s) for load in each), (load.tobytes() for load in each))
+    # Equal cables, lines and loads are computed once; lengths may differ by a rounding error.
+    cables = {id(cable): cable for cable, _ in pieces}
+    kinds = [
+        (id(cable), f"{length:.13g}" if isinstance(length, float) else id(length))
+        for cable, length in pieces
+    ]
+    waves = {one: Waves.of(cable, s) for one, cable in cables.items()}
+    lengths = dict(zip(kinds, (length for _, length in pieces), strict=True))
+    lines = {kind: waves[kind[0]].chain(length) for kind, length in lengths.items()}
+    nodes = shunts.swapaxes(0, 1)
+    keys = [load.tobytes() for load in nodes]
+    unlike = dict(zip(keys, nodes, strict=True))
+    loads = {key: _admittance(load, s) for key, load in unlike.items()}
 
     found = {}
     for order, parent, run in trees:
-        v = fold(parent, [lines[k] for k in run], [loads[node] for node in order])
+        v = fold(parent, [lines[kinds[k]] for k in run], [loads[keys[node]] for node in order])
         found[order[0]] = dict(zip(order, v, strict=True))
     own = found[trees[0].order[0]]
     if ring is None:
         return own
     closing, a, b = ring
-    return close(own, {a: found[a], b: found[b]}, *parts[closing])
+    cable, length = pieces[closing]
+    return close(own, {a: found[a], b: found[b]}, waves[id(cable)], length)
 
 
 def _admittance(load: Floats, s: Complexes) -> Complexes:
-    g, per_henry, c = load[..., np.newaxis]
+    # For a single tree, the result has one axis: numpy adds such rows fastest.
+    g, per_henry, c = load if load.shape[-1] == 1 else load[..., np.newaxis]
     return np.asarray(g + per_henry / s + c * s)
-
-
-def _once(
-    function: Callable[..., Any], arguments: Iterable[tuple[Any, ...]], keys: Iterable[Hashable]
-) -> list[Any]:
-    """Call a function with each of several arguments, but only once for those with equal keys."""
-    found: dict[Hashable, Any] = {}
-    results = []
-    for key, some in zip(keys, arguments, strict=True):
-        if key not in found:
-            found[key] = function(*some)
-        results.append(found[key])
-    return results

@@ -158,15 +158,13 @@ def synthesize(
     """Return the waveforms of Laplace transforms sampled on `laplace_grid`."""
     bins = np.asarray(spectrum, dtype=complex)
     # If the sampling rate is below twice the highest frequency, bins alias: add any that coincide.
-    turns = ceil(bins.shape[-1] / n_samples)
-    folded = np.zeros((*bins.shape[:-1], turns * n_samples), dtype=complex)
-    folded[..., : bins.shape[-1]] = bins
-    folded[..., 0] /= 2
-    folded = folded.reshape(*bins.shape[:-1], turns, n_samples).sum(axis=-2)
-    place = np.arange(n_samples // 2 + 1)
-    both = folded[..., place] + folded[..., -place % n_samples].conj()
-    growth = np.exp(damping * np.arange(n_samples) / n_samples) * (n_samples / duration)
-    return np.asarray(np.fft.irfft(both, n_samples, axis=-1) * growth)
+    folded = np.zeros((*bins.shape[:-1], n_samples), dtype=complex)
+    for first in range(0, bins.shape[-1], n_samples):
+        part = bins[..., first : first + n_samples]
+        folded[..., : part.shape[-1]] += part
+    folded[..., 0] -= bins[..., 0] / 2
+    growth = np.exp(damping * np.arange(n_samples) / n_samples) * (2 * n_samples / duration)
+    return np.asarray(np.fft.ifft(folded, axis=-1).real * growth)
 
 
 def record_of(

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pandas.testing import assert_frame_equal
 
 from shipnet import datasets
 from shipnet.asi.master import Master
@@ -287,6 +288,13 @@ def test_other_limits_change_verdicts():
     plan = line(120, [120])
     assert failed(plan) == ["cable_length"]
     assert failed(plan, limits=limits) == []
+
+
+def test_limits_may_have_another_order_and_further_rules():
+    plan, limits = line(120, [60, 120]), rule_limits()
+    more = limits.iloc[::-1]
+    more.loc["further"] = limits.loc["ringing"]
+    assert_frame_equal(plan.check(limits=more).table(), plan.check().table())
 
 
 def test_sums_of_many_legs_do_not_fail_by_rounding():

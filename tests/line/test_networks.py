@@ -145,6 +145,20 @@ def test_propagation_is_what_a_matched_line_does():
     assert z[1] / z[0] == pytest.approx(np.exp(-40 * cable.propagation(s)), rel=1e-9)
 
 
+@pytest.mark.parametrize("length", [1e-6, 1.5, 9e5])
+def test_lengths_count_as_equal_only_if_their_difference_is_a_rounding_error(length):
+    def ends(relative):
+        stubs = {"one": length, "other": length * (1 + relative)}
+        runs = [CableRun("root", name, metres, CABLE) for name, metres in stubs.items()]
+        net = Network(runs, dict.fromkeys(stubs, Load(r=50)))
+        return net.transfer("root", [1j / CABLE.delay / length])[1:, 0]
+
+    one, other = ends(1e-9)
+    assert one != other
+    one, other = ends(2e-15)
+    assert one == pytest.approx(other, rel=1e-12)
+
+
 def test_extreme_lengths_neither_overflow_nor_lose_digits():
     network = Net()
     s = 1e9 + 1e9j
