@@ -133,7 +133,7 @@ class Code:
 
     def __init__(self, function: Callable[..., Any] | str) -> None:
         try:
-            found = resolve_name(function) if isinstance(function, str) else function
+            found: Any = resolve_name(function) if isinstance(function, str) else function
             found = found.fget if isinstance(found, property) else found
             self._text = dedent(inspect.getsource(inspect.unwrap(found))).rstrip()
         except (AttributeError, ImportError, OSError, TypeError, ValueError):
