@@ -94,14 +94,14 @@ class Kernel(Generic[P, R]):
         return fast
 
     def _files(self) -> set[str]:
-        own = {self.plain.__code__.co_filename}
-        return own.union(*(part._files() for part in self.parts.values()))
+        file = {self.plain.__code__.co_filename}
+        return file.union(*(part._files() for part in self.parts.values()))
 
     def _folder(self) -> Path:
         """Return a folder for these sources, in the virtual environment or that of the user."""
         sources = b"".join(Path(file).read_bytes() for file in sorted(self._files()))
-        own = sys.prefix != sys.base_prefix and os.access(sys.prefix, os.W_OK)
-        base = Path(sys.prefix) if own else Path.home() / ".cache" / "shipnet"
+        in_environment = sys.prefix != sys.base_prefix and os.access(sys.prefix, os.W_OK)
+        base = Path(sys.prefix) if in_environment else Path.home() / ".cache" / "shipnet"
         return base / "kernels" / hashlib.sha256(sources).hexdigest()[:16]
 
 

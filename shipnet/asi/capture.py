@@ -640,8 +640,8 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
     columns = ["rule", "object", "value", "low", "high", "unit", "why"]
     found = pd.DataFrame(rows, columns=columns)
     missed = (found["value"] < found["low"]) | (found["value"] > found["high"])
-    known = np.where(missed, "violated", "met")
-    found["verdict"] = np.where(found["value"].isna(), "not verified", known)
+    judged = np.where(missed, "violated", "met")
+    found["verdict"] = np.where(found["value"].isna(), "not verified", judged)
     found["source"] = "IEC 62026-2 as quoted by SAP5S/SAP51, 2012, p. 29; kim2023, section 3.4"
     found.loc[found["rule"] == "supply voltage", "source"] = "ifm AC2904; SEW 31545580"
     found.loc[found["rule"] == _MISSING, "source"] = "Beckhoff EL6201, operating phases"

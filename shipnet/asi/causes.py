@@ -303,41 +303,47 @@ def sender_causes(
     level = slaves["amplitude_V"]
     usual = float(level.median())
     found = []
-    known = slaves[(slaves["errors"] + slaves["answers"] > 1) & (slaves.index != "unknown")]
-    for label, slave in known.iterrows():
-        said = f"its level is {slave['amplitude_V']:.2f} V; the median of all is {usual:.2f} V"
+    observed = slaves[(slaves["errors"] + slaves["answers"] > 1) & (slaves.index != "unknown")]
+    for label, slave in observed.iterrows():
+        evidence = f"its level is {slave['amplitude_V']:.2f} V; the median of all is {usual:.2f} V"
         others = level.drop([label]).max()
         if slave["amplitude_V"] > max(_LOUDER * usual, 1.35 * others):
-            said += f"; {int(slave['errors'])} of its responses are bad, as if two slaves responded"
-            found.append(Found(DUPLICATE, said, str(label)))
+            evidence += (
+                f"; {int(slave['errors'])} of its responses are bad, as if two slaves responded"
+            )
+            found.append(Found(DUPLICATE, evidence, str(label)))
         elif slave["amplitude_V"] < _WEAKER * usual:
-            found.append(Found(WEAK, said, str(label)))
+            found.append(Found(WEAK, evidence, str(label)))
     bad = slaves["errors"] + slaves["bad_requests"]
     named = [one.slave for one in found]
     bad = bad[(bad > 0) & ~bad.index.isin(named)]
     silent = slaves.index[(slaves["answers"] == 0) & (slaves["requests"] > 2)]
     # Each response that is too weak to be read leaves a burst.
-    heard = len(silent) == 1 and 2 * bursts >= sum(silences.get(silent[0], ()))
-    if bursts and not len(bad) and not found and heard:
-        said = f"none of its responses can be read; {bursts} bursts are not telegrams"
-        return [Found(WEAK, said, str(silent[0]))]
+    too_weak = len(silent) == 1 and 2 * bursts >= sum(silences.get(silent[0], ()))
+    if bursts and not len(bad) and not found and too_weak:
+        evidence = f"none of its responses can be read; {bursts} bursts are not telegrams"
+        return [Found(WEAK, evidence, str(silent[0]))]
     for label, series in silences.items():
         if max(series) < 2 or label in named:
             continue
         if len(series) == 1:
-            said = f"none of its {series[0]} data exchanges has a response: dead or not connected"
+            evidence = (
+                f"none of its {series[0]} data exchanges has a response: dead or not connected"
+            )
         elif series[-1] > 1:
             answered = len(series) - 1
-            said = f"it responds to {answered} data exchanges, but not to the last {series[-1]}"
+            evidence = f"it responds to {answered} data exchanges, but not to the last {series[-1]}"
         elif len(bad) or bursts:  # interference explains it better
             continue
         else:
-            said = f"{max(series)} data exchanges in a row have no response, but later ones do"
-        found.append(Found(SILENT, said, label))
+            evidence = f"{max(series)} data exchanges in a row have no response, but later ones do"
+        found.append(Found(SILENT, evidence, label))
     one = bad.index[0] if len(bad) == 1 else ""
     if one and slaves["errors"][one] == bad[one] >= 3:
-        said = f"all {int(bad[one])} bad telegrams are its responses, as if two slaves responded"
-        found.append(Found(DUPLICATE, said, str(one)))
+        evidence = (
+            f"all {int(bad[one])} bad telegrams are its responses, as if two slaves responded"
+        )
+        found.append(Found(DUPLICATE, evidence, str(one)))
     elif len(bad) or (bursts and not named):
         where = f"{int(bad.sum())} intermittent bad telegrams at {len(bad)} slaves"
         found.append(Found(INTERFERENCE, f"{where}; {bursts} bursts that are not telegrams"))

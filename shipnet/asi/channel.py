@@ -90,13 +90,13 @@ def draw_disturbances(
     drawn = np.zeros((n_cycles, PHASES, len(rates), attempts), dtype=DISTURBANCE)
     shape = (n_cycles, PHASES, attempts)
     for slave, (lost, disturbed) in enumerate(rates):
-        own = drawn[:, :, slave]
+        to_slave = drawn[:, :, slave]
         if lost > 0:
-            own["lost"] = rng.random(shape) < lost
-            own["missed"] = rng.random(shape) < lost
+            to_slave["lost"] = rng.random(shape) < lost
+            to_slave["missed"] = rng.random(shape) < lost
         if disturbed > 0:
             variant = rng.integers(1, VARIANTS + 1, shape, dtype=np.uint8)
-            own["variant"] = np.where(rng.random(shape) < disturbed, variant, 0)
+            to_slave["variant"] = np.where(rng.random(shape) < disturbed, variant, 0)
     return drawn
 
 
@@ -492,7 +492,7 @@ class Channel:
         self, request: Request, end: float, answers: list[tuple[int, float, int, Station]]
     ) -> tuple[int, float, int]:
         """Return the data, `SILENT` or `FAULTY`; pause; and error code; let the time pass."""
-        transaction, heard = self.transaction, []
+        transaction, responses = self.transaction, []
         for data, pause, variant, station in answers:
             left = station.lost_replies.get(request.call, 0)
             if left:
@@ -500,19 +500,22 @@ class Channel:
             elif pause > transaction.timeout:
                 self._late = (_ANSWERS[data], end + pause)
             else:
-                heard.append((data, pause, variant))
-        if not heard:
+                responses.append((data, pause, variant))
+        if not responses:
             self.time = end + transaction.timeout
             return SILENT, nan, SilenceError.code
-        first, last = min(h[1] for h in heard), max(h[1] for h in heard)
+        pauses = [pause for _, pause, _ in responses]
+        first, last = min(pauses), max(pauses)
         self.time = end + last + RESPONSE_BITS + transaction.slave_pause
-        data, error = heard[0][0], 0
-        if len(heard) > 1:
+        data, error = responses[0][0], 0
+        if len(responses) > 1:
             # Start times are in half-bits, relative to the first response.
-            telegrams = sorted((_ANSWERS[d], round(2 * (pause - first))) for d, pause, _ in heard)
+            telegrams = sorted(
+                (_ANSWERS[d], round(2 * (pause - first))) for d, pause, _ in responses
+            )
             bits, error = collide(tuple(telegrams), RESPONSE_BITS)
             data = int(bits[1:5], 2) if bits else data
-        error = error or int(_ERRORS[data, max(h[2] for h in heard)])
+        error = error or int(_ERRORS[data, max(variant for _, _, variant in responses)])
         return (FAULTY if error else data), first, error
 
 

@@ -484,19 +484,19 @@ def _safety(cells: Cells) -> list[str]:
     read = {text: is_intrinsically_safe(text) for text in marks}
     if {"o", "x"} <= set(marks.values()):
         read |= {text: (mark == "o", True) for text, mark in marks.items() if mark in ("o", "x")}
-        said = "o read as intrinsically safe, and x as not, because the column has both"
-        cells.remarks.append(Remark(f"{title}: {said}"))
+        remark = "o read as intrinsically safe, and x as not, because the column has both"
+        cells.remarks.append(Remark(f"{title}: {remark}"))
     is_yes = {text for text, (safe, _) in read.items() if safe and marks[text] in YES | {"o"}}
     if _HAZARD.search(title):
         read |= dict.fromkeys(is_yes, (True, False))
     for safe, sure in sorted(set(read.values())):
-        own = {text: repr(text) for text in marks if read[text] == (safe, sure)}
-        rows = tuple(row for row, text in zip(cells.rows, texts, strict=True) if text in own)
-        more = f" and {len(own) - 5} more" if len(own) > 5 else ""
-        cited = ", ".join([*own.values()][:5]) + more
-        said = f"{title} {cited} read as {'' if safe else 'not '}intrinsically safe"
-        said += "" if sure else ", but does not say so clearly"
-        cells.remarks.append(Remark(said, rows, doubt=not sure, detail=sure))
+        alike = {text: repr(text) for text in marks if read[text] == (safe, sure)}
+        rows = tuple(row for row, text in zip(cells.rows, texts, strict=True) if text in alike)
+        more = f" and {len(alike) - 5} more" if len(alike) > 5 else ""
+        cited = ", ".join([*alike.values()][:5]) + more
+        remark = f"{title} {cited} read as {'' if safe else 'not '}intrinsically safe"
+        remark += "" if sure else ", but does not say so clearly"
+        cells.remarks.append(Remark(remark, rows, doubt=not sure, detail=sure))
     known = {text: "IS" if text in is_yes else text for text, (safe, _) in read.items() if safe}
     return [known.get(text, "") for text in texts]
 

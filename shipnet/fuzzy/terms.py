@@ -196,10 +196,10 @@ class Variable:
     unit : str
         Unit of its values, of the universe and of the corners of the terms.
     low, high : float
-        Ends of the universe, which is the range that the sensor measures. A value below it by more
-        than 2.5 % of its width, or above it by more than 6.25 %, counts as missing: a sensor with
-        4 to 20 mA signals a failure with less than 3.6 mA or more than 21 mA (NAMUR NE 43). Values
-        just outside the universe count as its ends, except in comparisons as written.
+        Ends of the universe, the range that the sensor measures. A value counts as missing if it is
+        more than 2.5 % of the range below it or more than 6.25 % above it: a 4 to 20 mA sensor
+        signals a failure with less than 3.6 mA or more than 21 mA (NAMUR NE 43). Values just
+        outside the universe count as its ends, except in comparisons as written.
     terms : tuple of Term
         One or more terms with different names. The range between a term's shoulders, and that of
         its comparison, must reach into the universe.
