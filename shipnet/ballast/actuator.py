@@ -225,7 +225,9 @@ def _active_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
 
 def motor_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
     """Return the running motor's current [A]: magnetising and active components in quadrature."""
-    return np.asarray(np.hypot(actuator.magnetising_current, _active_current(actuator, pump_pressure)))
+    return np.asarray(
+        np.hypot(actuator.magnetising_current, _active_current(actuator, pump_pressure))
+    )
 
 
 def electric_power(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:

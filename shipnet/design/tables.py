@@ -17,6 +17,7 @@ from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.costs import bill_table
 from shipnet.design.layout import Layout
 from shipnet.design.supply import supply_tables
+from shipnet.errors import ArgumentError
 from shipnet.signals import SIGNALS
 
 #: Names of the two conductors of a trunk, by bus, and of a feeder.
@@ -34,6 +35,10 @@ def file_name(name: str) -> str:
 
 def save_files(folder: str | PathLike[str], named: Iterable[tuple[str, bytes]]) -> None:
     """Write files into a folder and its subfolders, which are created if missing."""
+    if Path(folder).suffix.lower() in (".csv", ".html", ".json", ".svg", ".xlsx", ".zip"):
+        raise ArgumentError(
+            f"folder is {str(folder)!r}; it must be the name of a folder, without a file's suffix"
+        )
     for name, content in named:
         path = Path(folder, name)
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -44,7 +44,12 @@ def test_the_operating_point_agrees_with_the_printed_digits():
 
 @pytest.mark.parametrize(
     "change",
-    [{"pump_leak": 1e-12}, {"restrictor": 1e-8}, {"bearing_torque": 90.0}, {"magnetising_current": 1}],
+    [
+        {"pump_leak": 1e-12},
+        {"restrictor": 1e-8},
+        {"bearing_torque": 90.0},
+        {"magnetising_current": 1},
+    ],
 )
 def test_the_operating_point_depends_on_the_actuator(change):
     before, after = operating_point(Actuator()), operating_point(replace(Actuator(), **change))
