@@ -108,7 +108,9 @@ def devices(design: Layout) -> pd.DataFrame:
 def points(design: Layout) -> pd.DataFrame:
     """Return all points of the list, including those that do not fit, with their channels."""
     columns = ["tag", "system", "type", "signal", "x_m", "y_m", "z_m", "update_ms"]
-    listed, own = design.iolist.points[columns], design.points.drop(columns="tag")
+    own = design.points.drop(columns=["tag", "planned_update_ms"], errors="ignore")
+    used = design.points.get("planned_update_ms", np.nan)
+    listed = design.iolist.points[columns].assign(planned_update_ms=used)
     # A hardwired point ends on a card in the cabinet, even if its cable passes through a box.
     reader = own["device"].where(own["bus"] != "hardwired", design.cabinet)
     number = listed.groupby([reader, listed["type"]]).cumcount() + 1
