@@ -9,10 +9,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from importlib.resources import as_file, files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from shipnet.arguments import checked
 from shipnet.lazy import Axes, pd
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "use"]
 
@@ -55,13 +58,25 @@ def use() -> None:
 
 
 @checked
-def axes(ax: Axes | None = None, **options: Any) -> Axes:
-    """Return `ax`, or the axes of a new figure; `options` are those of `pyplot.subplots`."""
+def axes(ax: Axes | None = None, *, names: int = 0, **options: Any) -> Axes:
+    """Return `ax`, or the axes of a new figure; `options` are those of `pyplot.subplots`.
+
+    The new figure is tall enough for a number of `names` on its y axis.
+    """
     if ax is None:
         import matplotlib.pyplot as plt
 
-        _, ax = plt.subplots(layout="constrained", **options)
+        figure, ax = plt.subplots(layout="constrained", **options)
+        _make_room(figure, names)
     return ax
+
+
+def _make_room(figure: Figure, names: int) -> None:
+    """Make a figure tall enough for a number of names on its y axis."""
+    import matplotlib as mpl
+
+    line = 1.4 * mpl.rcParams["font.size"] / 72
+    figure.set_figheight(max(figure.get_figheight(), 1 + line * names))
 
 
 def limit(ax: Axes, level: float, name: str) -> None:
@@ -117,5 +132,7 @@ def save(draw: Callable[[Axes], object], file: str) -> None:
     with mpl.rc_context():
         use()
         figure = Figure(figsize=(10, 3.2), layout="constrained")
-        draw(figure.subplots())
+        ax = figure.subplots()
+        draw(ax)
+        _make_room(figure, len(ax.get_yticks()))
         figure.savefig(file, dpi=150)

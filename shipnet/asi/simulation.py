@@ -238,7 +238,7 @@ class Run:
         shown = events[keep]
         if shown.empty:
             raise ArgumentError("where, start and stop select no request; they must select one")
-        ax = style.axes(ax)
+        title = ""
         if (total := len(shown)) > _MOST_REQUESTS:
             fault = (shown["phase"] == "data_exchange") & (shown["outcome"] != "ok")
             wait = shown.groupby("slave")["time_s"].diff()
@@ -247,8 +247,10 @@ class Run:
             shown = shown.iloc[first : first + _PART]
             why = "the first fault" if fault.any() else "the longest wait of a slave"
             title = f"requests {first + 1} to {first + _PART} of {total}, around {why}"
-            ax.set_title(title, loc="left")
         slaves = shown.sort_values(["address", "half"], kind="stable")["slave"].unique()
+        ax = style.axes(ax, names=len(slaves) + 1)
+        if title:
+            ax.set_title(title, loc="left")
         row = {slave: place + 1 for place, slave in enumerate(slaves)}
         bit_time = self.transaction.bit_time
         bit = 1e3 * bit_time
