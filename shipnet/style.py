@@ -9,15 +9,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from importlib.resources import as_file, files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shipnet.arguments import checked
 from shipnet.lazy import Axes, pd
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 __all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "use"]
+__dir__ = __all__.copy
 
 PAPER = {"color": "0.45", "linestyle": "--"}
 LIMIT = {"color": "#c0392b", "linestyle": "--"}
@@ -67,16 +65,15 @@ def axes(ax: Axes | None = None, *, names: int = 0, **options: Any) -> Axes:
         import matplotlib.pyplot as plt
 
         figure, ax = plt.subplots(layout="constrained", **options)
-        _make_room(figure, names)
+        figure.set_figheight(max(figure.get_figheight(), _height(names)))
     return ax
 
 
-def _make_room(figure: Figure, names: int) -> None:
-    """Make a figure tall enough for a number of names on its y axis."""
+def _height(names: int) -> float:
+    """Return the height of a figure with a number of names on its y axis [inch]."""
     import matplotlib as mpl
 
-    line = 1.4 * mpl.rcParams["font.size"] / 72
-    figure.set_figheight(max(figure.get_figheight(), 1 + line * names))
+    return 1 + 1.4 * float(mpl.rcParams["font.size"]) / 72 * names
 
 
 def limit(ax: Axes, level: float, name: str) -> None:
@@ -134,5 +131,5 @@ def save(draw: Callable[[Axes], object], file: str) -> None:
         figure = Figure(figsize=(10, 3.2), layout="constrained")
         ax = figure.subplots()
         draw(ax)
-        _make_room(figure, len(ax.get_yticks()))
+        figure.set_figheight(max(3.2, _height(len(ax.get_yticks()))))
         figure.savefig(file, dpi=150)

@@ -410,7 +410,8 @@ class Diagnosis:
     @property
     def _said(self) -> npt.NDArray[np.object_]:
         """Top code of each valve over the whole run, as in `top`."""
-        return self.base.top_codes(self.active.any(axis=0), self.open.any(axis=(0, 2)))
+        active = np.asarray(self.active.any(axis=0))
+        return self.base.top_codes(active, self.open.any(axis=(0, 2)))
 
     def __repr__(self) -> str:
         n, said = self.run.n_valves, self._said
