@@ -495,8 +495,10 @@ class PlanFindings(Findings):
 def plan_of(elements: Iterable[Element], notes: Notes | None = None) -> Plan:
     """Return a plan with the given elements, which may be in any order."""
     given = list(elements)
-    kinds: list[Any] = [[one for one in given if isinstance(one, kind)] for kind in _KINDS.values()]
-    return Plan(*kinds, notes or {})
+    kinds: dict[str, Any] = {
+        name: [one for one in given if isinstance(one, kind)] for name, kind in _KINDS.items()
+    }
+    return Plan(**kinds, notes=notes or {})
 
 
 @checked

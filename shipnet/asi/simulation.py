@@ -249,7 +249,8 @@ class Run:
             title = f"requests {first + 1} to {first + _PART} of {total}, around {why}"
         slaves = shown.sort_values(["address", "half"], kind="stable")["slave"].unique()
         ax = style.axes(ax, names=len(slaves) + 1)
-        ax.set_title(title, loc="left")
+        if title:
+            ax.set_title(title, loc="left")
         row = {slave: place + 1 for place, slave in enumerate(slaves)}
         bit_time = self.transaction.bit_time
         bit = 1e3 * bit_time
