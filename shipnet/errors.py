@@ -9,29 +9,12 @@ from importlib import import_module
 from typing import Any, ClassVar
 
 __all__ = [
-    "AcknowledgeError",
-    "AlternationError",
-    "ArgumentError",
-    "CrcError",
-    "EndBitError",
-    "FieldError",
-    "FormError",
-    "FrameError",
-    "InformationError",
-    "InputError",
-    "LengthError",
-    "MismatchError",
-    "ParityError",
-    "PauseError",
-    "SilenceError",
-    "StartBitError",
-    "StuffError",
-    "SymbolError",
-    "UnknownCallError",
-    "load_extra",
-    "name_of",
-]
-__dir__ = __all__.copy  # fmt: skip
+    "AcknowledgeError", "AlternationError", "ArgumentError", "CrcError", "EndBitError",
+    "FieldError", "FormError", "FrameError", "InformationError", "InputError", "LengthError",
+    "MismatchError", "ParityError", "PauseError", "SilenceError", "StartBitError", "StuffError",
+    "SymbolError", "UnknownCallError", "load_extra", "name_of",
+]  # fmt: skip
+__dir__ = __all__.copy
 
 #: Maximum lengths of a fault, a message and a quoted value [characters]; the middle of longer ones
 #: is left out.

@@ -238,7 +238,6 @@ class Run:
         shown = events[keep]
         if shown.empty:
             raise ArgumentError("where, start and stop select no request; they must select one")
-        title = ""
         if (total := len(shown)) > _MOST_REQUESTS:
             fault = (shown["phase"] == "data_exchange") & (shown["outcome"] != "ok")
             wait = shown.groupby("slave")["time_s"].diff()
@@ -246,10 +245,10 @@ class Run:
             first = min(max(middle - _PART // 2, 0), total - _PART)
             shown = shown.iloc[first : first + _PART]
             why = "the first fault" if fault.any() else "the longest wait of a slave"
-            title = f"requests {first + 1} to {first + _PART} of {total}, around {why}"
         slaves = shown.sort_values(["address", "half"], kind="stable")["slave"].unique()
         ax = style.axes(ax, names=len(slaves) + 1)
-        if title:
+        if total > len(shown):
+            title = f"requests {first + 1} to {first + _PART} of {total}, around {why}"
             ax.set_title(title, loc="left")
         row = {slave: place + 1 for place, slave in enumerate(slaves)}
         bit_time = self.transaction.bit_time

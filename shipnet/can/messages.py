@@ -18,7 +18,7 @@ from typing import Any, Literal, NamedTuple, TypeVar, overload
 import numpy as np
 import numpy.typing as npt
 
-from shipnet import datasets
+from shipnet import datasets, tables
 from shipnet.arguments import checked
 from shipnet.arrays import Floats, Indices, Integers
 from shipnet.can.frame import check_bit_rate, highest_id
@@ -39,16 +39,7 @@ from shipnet.fields import (
     whole,
 )
 from shipnet.lazy import pd
-from shipnet.tables import (
-    NUMBER,
-    Sheet,
-    csv_text,
-    parse_sheet,
-    read_bytes,
-    read_sheet,
-    save_table,
-    text_of,
-)
+from shipnet.tables import NUMBER, Sheet, csv_text, parse_sheet, read_bytes, read_sheet, text_of
 
 T = TypeVar("T")
 
@@ -353,7 +344,7 @@ class MessageSet(Named[Message]):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write a CSV file or an Excel workbook that `read_messages` can read."""
-        save_table(path, pd.DataFrame(self._rows, columns=COLUMNS))
+        tables.save_table(path, pd.DataFrame(self._rows, columns=COLUMNS))
 
     @property
     def _rows(self) -> list[tuple[object, ...]]:

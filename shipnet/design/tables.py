@@ -36,9 +36,7 @@ def file_name(name: str) -> str:
 def save_files(folder: str | PathLike[str], named: Iterable[tuple[str, bytes]]) -> None:
     """Write files into a folder and its subfolders, which are created if missing."""
     if Path(folder).suffix.lower() in (".csv", ".html", ".json", ".svg", ".xlsx", ".zip"):
-        raise ArgumentError(
-            f"folder is {str(folder)!r}; it must be the name of a folder, without a file's suffix"
-        )
+        raise ArgumentError(f"folder is {str(folder)!r}; it must be a folder, not a file")
     for name, content in named:
         path = Path(folder, name)
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -9,18 +9,10 @@ from shipnet.clock import Fault
 from shipnet.fields import number, record, text
 
 __all__ = [
-    "BusOff",
-    "CanBreak",
-    "DeadBox",
-    "DeadPort",
-    "LostCanFrames",
-    "LostModbusFrames",
-    "ModbusBreak",
-    "OpenWire",
-    "ShortCircuit",
-    "StuckSensor",
-]
-__dir__ = __all__.copy  # fmt: skip
+    "BusOff", "CanBreak", "DeadBox", "DeadPort", "LostCanFrames", "LostModbusFrames",
+    "ModbusBreak", "OpenWire", "ShortCircuit", "StuckSensor",
+]  # fmt: skip
+__dir__ = __all__.copy
 
 
 @record

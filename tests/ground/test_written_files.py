@@ -235,7 +235,7 @@ def test_a_file_is_what_its_suffix_says_or_is_refused(name, suffix, tmp_path):
 def test_a_folder_with_the_suffix_of_a_file_is_refused(name, tmp_path):
     made = MADE[name][0]()
     for suffix in (".xlsx", ".csv", ".html"):
-        with pytest.raises(ArgumentError, match=r"folder is .* without a file's suffix"):
+        with pytest.raises(ArgumentError, match="it must be a folder, not a file"):
             made.save(tmp_path / f"saved{suffix}")
     made.save(tmp_path / "hull 2.5")
     assert [folder.name for folder in tmp_path.iterdir()] == ["hull 2.5"]
