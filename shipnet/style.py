@@ -56,24 +56,21 @@ def use() -> None:
 
 
 @checked
-def axes(ax: Axes | None = None, *, names: int = 0, **options: Any) -> Axes:
-    """Return `ax`, or the axes of a new figure; `options` are those of `pyplot.subplots`.
-
-    The new figure is tall enough for a number of `names` on its y axis.
-    """
+def axes(ax: Axes | None = None, **options: Any) -> Axes:
+    """Return `ax`, or the axes of a new figure; `options` are those of `pyplot.subplots`."""
     if ax is None:
         import matplotlib.pyplot as plt
 
-        figure, ax = plt.subplots(layout="constrained", **options)
-        figure.set_figheight(max(figure.get_figheight(), _height(names)))
+        _, ax = plt.subplots(layout="constrained", **options)
     return ax
 
 
-def _height(names: int) -> float:
-    """Return the height of a figure with a number of names on its y axis [inch]."""
+def size(names: int) -> tuple[float, float]:
+    """Return the size of a figure with a number of names on its y axis [inch]."""
     import matplotlib as mpl
 
-    return 1 + 1.4 * float(mpl.rcParams["font.size"]) / 72 * names
+    width, height = mpl.rcParams["figure.figsize"]
+    return width, max(height, 1 + 1.4 * mpl.rcParams["font.size"] / 72 * names)
 
 
 def limit(ax: Axes, level: float, name: str) -> None:
@@ -131,5 +128,5 @@ def save(draw: Callable[[Axes], object], file: str) -> None:
         figure = Figure(figsize=(10, 3.2), layout="constrained")
         ax = figure.subplots()
         draw(ax)
-        figure.set_figheight(max(3.2, _height(len(ax.get_yticks()))))
+        figure.set_figheight(size(len(ax.get_yticks()))[1])
         figure.savefig(file, dpi=150)

@@ -246,7 +246,7 @@ class Run:
             shown = shown.iloc[first : first + _PART]
             why = "the first fault" if fault.any() else "the longest wait of a slave"
         slaves = shown.sort_values(["address", "half"], kind="stable")["slave"].unique()
-        ax = style.axes(ax, names=len(slaves) + 1)
+        ax = style.axes(ax, figsize=style.size(len(slaves) + 1))
         if total > len(shown):
             title = f"requests {first + 1} to {first + _PART} of {total}, around {why}"
             ax.set_title(title, loc="left")
