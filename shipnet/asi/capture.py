@@ -381,7 +381,7 @@ class Capture:
     minimum : float
         Smallest voltage that counted as a pulse [V].
     disturbances : int
-        Number of bursts with too few pulses for a telegram.
+        Number of bursts with too legible pulses for a telegram.
     wave : shipnet.line.Waveform
         The recorded line voltage.
     extended : tuple of int
@@ -527,8 +527,8 @@ class Capture:
             color=colour, va="center",
         )  # fmt: skip
         ends, red = ax.get_xaxis_transform(), style.LIMIT["color"]
-        inch = (stop - start) * ax.figure.dpi / ax.bbox.width
-        few, named = inch < 16 * BIT_TIME, -np.inf
+        per_inch = (stop - start) * ax.figure.dpi / ax.bbox.width
+        legible, named = per_inch < 16 * BIT_TIME, -np.inf
         for row in self.transactions.to_dict("records"):
             begin = row["start_s"]
             for kind in ("request", "response"):
@@ -539,16 +539,16 @@ class Capture:
                 if not bits or not start <= middle <= stop:
                     continue
                 colour = style.FIELD["address" if kind == "request" else "information"]
-                if error != "ok" and not few:
+                if error != "ok" and not legible:
                     colour = red
                 ax.axvspan(
                     begin * 1e6, (begin + length) * 1e6, color=colour, alpha=0.5, linewidth=0
                 )
                 there: dict[str, Any] = {"transform": ends, "ha": "center"}
-                if few:
+                if legible:
                     ax.text(middle * 1e6, 1.02, bits, family="monospace", **there)
-                if error != "ok" and middle - named > inch:
-                    ax.text(middle * 1e6, 1.1 if few else 1.02, error, color=red, **there)
+                if error != "ok" and middle - named > per_inch:
+                    ax.text(middle * 1e6, 1.1 if legible else 1.02, error, color=red, **there)
                     named = middle
         ax.set(xlim=(start * 1e6, stop * 1e6), xlabel="time [us]", ylabel="voltage [V]")
         return ax

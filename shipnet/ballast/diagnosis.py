@@ -385,7 +385,7 @@ class Diagnosis:
         By default, `valve` is the first that is not normal, or 1.
         """
         if valve is None:
-            valve = int((self._said != NORMAL).argmax()) + 1
+            valve = int((self._overall != NORMAL).argmax()) + 1
         ax = style.axes(ax)
         base = self.base
         strength = self.firing(valve).strength.max(axis=0)
@@ -408,13 +408,13 @@ class Diagnosis:
         return ax
 
     @property
-    def _said(self) -> npt.NDArray[np.object_]:
+    def _overall(self) -> npt.NDArray[np.object_]:
         """Top code of each valve over the whole run, as in `top`."""
         active = np.asarray(self.active.any(axis=0))
         return self.base.top_codes(active, self.open.any(axis=(0, 2)))
 
     def __repr__(self) -> str:
-        n, said = self.run.n_valves, self._said
+        n, said = self.run.n_valves, self._overall
         found = np.flatnonzero(said != NORMAL)
         faults = ", ".join(f"valve {k + 1}: {said[k]}" for k in found[:3])
         more = f" and {found.size - 3} more" if found.size > 3 else ""
