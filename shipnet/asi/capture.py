@@ -381,7 +381,7 @@ class Capture:
     minimum : float
         Smallest voltage that counted as a pulse [V].
     disturbances : int
-        Number of bursts with too legible pulses for a telegram.
+        Number of bursts with too few pulses for a telegram.
     wave : shipnet.line.Waveform
         The recorded line voltage.
     extended : tuple of int
