@@ -255,7 +255,7 @@ def _serve(arguments: argparse.Namespace) -> None:
     n_valves = check_whole("--valves", arguments.valves, 1, 247)
     check_whole("--port", arguments.port, 0, 0xFFFF)
     check_scalar("--speed", arguments.speed, "", 0, 1e4)
-    check_scalar("--bit-rate", arguments.bit_rate, "bit/s", 50, 10e6)
+    check_scalar("--bit-rate", arguments.bit_rate, "bit/s", 300, 10e6)
     if arguments.watchdog is not None:
         check_scalar("--watchdog", arguments.watchdog, "s", 0.1, 3600)
 

@@ -10,6 +10,7 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.lazy import pd
 
 __all__ = ["names", "path", "read"]
+__dir__ = __all__.copy
 
 _PACKAGE = Path(__file__).resolve().parent
 

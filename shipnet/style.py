@@ -15,6 +15,7 @@ from shipnet.arguments import checked
 from shipnet.lazy import Axes, pd
 
 __all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "use"]
+__dir__ = __all__.copy
 
 PAPER = {"color": "0.45", "linestyle": "--"}
 LIMIT = {"color": "#c0392b", "linestyle": "--"}
@@ -62,6 +63,14 @@ def axes(ax: Axes | None = None, **options: Any) -> Axes:
 
         _, ax = plt.subplots(layout="constrained", **options)
     return ax
+
+
+def size(names: int) -> tuple[float, float]:
+    """Return the size of a figure with a number of names on its y axis [inch]."""
+    import matplotlib as mpl
+
+    width, height = mpl.rcParams["figure.figsize"]
+    return width, max(height, 1 + 1.4 * mpl.rcParams["font.size"] / 72 * names)
 
 
 def limit(ax: Axes, level: float, name: str) -> None:
@@ -117,5 +126,7 @@ def save(draw: Callable[[Axes], object], file: str) -> None:
     with mpl.rc_context():
         use()
         figure = Figure(figsize=(10, 3.2), layout="constrained")
-        draw(figure.subplots())
+        ax = figure.subplots()
+        draw(ax)
+        figure.set_figheight(size(len(ax.get_yticks()))[1])
         figure.savefig(file, dpi=150)

@@ -503,7 +503,8 @@ class Capture:
     ) -> Axes:
         """Draw the record from `start` to `stop` [s], its telegrams (shaded) and their bits.
 
-        Errors are named above the bits. Two lines show the smallest legal height of a first pulse.
+        Errors are named above the bits. If the bits would overlap, they are omitted, and telegrams
+        with errors are red. Two lines show the smallest legal height of a first pulse.
         """
         ax = style.axes(ax, figsize=(10, 3.2))
         u, dt = self.wave.u, self.wave.dt
@@ -525,7 +526,9 @@ class Capture:
             1.01, zero - least, f"{least:g} V", transform=ax.get_yaxis_transform(),
             color=colour, va="center",
         )  # fmt: skip
-        ends = ax.get_xaxis_transform()
+        ends, red = ax.get_xaxis_transform(), style.LIMIT["color"]
+        per_inch = (stop - start) * ax.figure.dpi / ax.bbox.width
+        legible, named = per_inch < 16 * BIT_TIME, -np.inf
         for row in self.transactions.to_dict("records"):
             begin = row["start_s"]
             for kind in ("request", "response"):
@@ -536,13 +539,17 @@ class Capture:
                 if not bits or not start <= middle <= stop:
                     continue
                 colour = style.FIELD["address" if kind == "request" else "information"]
+                if error != "ok" and not legible:
+                    colour = red
                 ax.axvspan(
                     begin * 1e6, (begin + length) * 1e6, color=colour, alpha=0.5, linewidth=0
                 )
                 there: dict[str, Any] = {"transform": ends, "ha": "center"}
-                ax.text(middle * 1e6, 1.02, bits, family="monospace", **there)
-                if error != "ok":
-                    ax.text(middle * 1e6, 1.1, error, color=style.LIMIT["color"], **there)
+                if legible:
+                    ax.text(middle * 1e6, 1.02, bits, family="monospace", **there)
+                if error != "ok" and middle - named > per_inch:
+                    ax.text(middle * 1e6, 1.1 if legible else 1.02, error, color=red, **there)
+                    named = middle
         ax.set(xlim=(start * 1e6, stop * 1e6), xlabel="time [us]", ylabel="voltage [V]")
         return ax
 

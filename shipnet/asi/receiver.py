@@ -118,10 +118,9 @@ class Reception(NamedTuple):
         self, wave: Waveform, ax: Axes | None = None, *, receiver: Receiver | None = None
     ) -> Axes:
         """Draw one telegram as its receiver sees it: voltage, filtered voltage and slots."""
-        ax = style.axes(ax)
-        receiver = receiver or Receiver()
         if wave.u.ndim != 1:
             raise ArgumentError(f"wave has {wave.u.shape[:-1]} telegrams; it must have one")
+        ax, receiver = style.axes(ax), receiver or Receiver()
         t = wave.t * 1e6
         seen = matched_filter(wave.u, wave.dt) if receiver.matched else wave.u
         ax.plot(t, wave.u, color="0.6", linewidth=1, label="on the line")

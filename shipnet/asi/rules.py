@@ -191,7 +191,9 @@ def _supply_rows(segment: Segment) -> Iterator[_Row]:
         yield "supply_rating", str(supply), current, supply.rating, ""
     if len(segment.supplies) == 1:
         for slave in segment.slaves:
-            yield "slave_voltage", str(slave), segment.voltages[slave.node], None, ""
+            volts = segment.voltages[slave.node]
+            why = "" if volts else "the supply cannot drive the currents through the cables"
+            yield "slave_voltage", str(slave), volts, None, why
 
 
 def _signal_rows(segment: Segment) -> Iterator[_Row]:

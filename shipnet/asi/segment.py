@@ -296,7 +296,10 @@ class Segment:
 
     @cached_property
     def voltages(self) -> dict[str, float]:
-        """Supply voltage at each node [V], at constant currents; the segment needs one supply."""
+        """Supply voltage at each node [V], at constant currents; the segment needs one supply.
+
+        All voltages are 0 if the supply cannot drive the currents through the cables.
+        """
         if len(self.supplies) != 1:
             raise ArgumentError(f"{self} has {len(self.supplies)} supplies; it must have one")
         drawn: dict[str, float] = {}
@@ -304,7 +307,7 @@ class Segment:
             drawn[node] = drawn.get(node, 0.0) + current
         (supply,) = self.supplies
         volts = self.network.operating_point(supply.node, supply.voltage, drawn)
-        return {node: float(one) for node, one in volts.items()}
+        return {node: float(np.nan_to_num(one)) for node, one in volts.items()}
 
     def waveforms(
         self, nodes: Sequence[str], *words: Any, dt: float, before: float, after: float

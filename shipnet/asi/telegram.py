@@ -154,9 +154,9 @@ _PARTS = {
 
 def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> Axes:
     """Draw a telegram as a row of coloured bits, with its levels as a line above."""
-    ax = style.axes(ax, figsize=(7.5, 2.2))
     if len(bits) not in _PARTS:
         raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
+    ax = style.axes(ax, figsize=(7.5, 2.2))
     place = start
     for label, length, colour in _PARTS[len(bits)]:
         style.box(ax, place, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")

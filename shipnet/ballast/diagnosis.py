@@ -379,8 +379,13 @@ class Diagnosis:
         mine = self.onset[:, self._place(valve)]
         return int(mine.sum() if code is None else mine[:, self._column(code)].sum())
 
-    def plot(self, valve: int = 1, ax: Axes | None = None) -> Axes:
-        """Draw the greatest firing strength of each rule, and the diagnosis, as in Figure 13."""
+    def plot(self, valve: int | None = None, ax: Axes | None = None) -> Axes:
+        """Draw the greatest firing strength of each rule, and the diagnosis, as in Figure 13.
+
+        By default, `valve` is the first that is not normal, or 1.
+        """
+        if valve is None:
+            valve = int((self._overall != NORMAL).argmax()) + 1
         ax = style.axes(ax)
         base = self.base
         strength = self.firing(valve).strength.max(axis=0)
@@ -397,14 +402,19 @@ class Diagnosis:
         others = f", also {', '.join(found[1:])}" if found[1:] else ""
         (top,) = base.top_codes(active[np.newaxis], self.open[:, self._place(valve)].any())
         ax.set_title(
-            f"diagnosis: {top}{others}", loc="left",
+            f"diagnosis of valve {valve}: {top}{others}", loc="left",
             color="C2" if top == NORMAL else style.LIMIT["color"],
         )  # fmt: skip
         return ax
 
+    @property
+    def _overall(self) -> npt.NDArray[np.object_]:
+        """Top code of each valve over the whole run, as in `top`."""
+        active = np.asarray(self.active.any(axis=0))
+        return self.base.top_codes(active, self.open.any(axis=(0, 2)))
+
     def __repr__(self) -> str:
-        n, doubtful = self.run.n_valves, self.open.any(axis=(0, 2))
-        said = self.base.top_codes(np.asarray(self.active.any(axis=0)), doubtful)
+        n, said = self.run.n_valves, self._overall
         found = np.flatnonzero(said != NORMAL)
         faults = ", ".join(f"valve {k + 1}: {said[k]}" for k in found[:3])
         more = f" and {found.size - 3} more" if found.size > 3 else ""

@@ -149,11 +149,11 @@ class Screen:
 
         With at most 20 bars per row, each bar also shows its valve's position [%] and number.
         """
-        ax = style.axes(ax)
         units = self.shown.index.to_numpy()
         if selected is not None:
             selected = check_whole("selected", selected, 1, len(units))
         wide = min(len(units), check_whole("columns", columns, 1, 1000))
+        ax = style.axes(ax)
         rows = -(-len(units) // wide)
         places = np.arange(len(units))
         x, y = places % wide, rows - 1 - places // wide

@@ -13,6 +13,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import number, record, whole
 
 __all__ = ["ERROR_BITS", "BitErrors", "ErrorAt", "ErrorBound"]
+__dir__ = __all__.copy
 
 #: Published costs of an error in addition to the retransmission [bit], for `ErrorBound.bits`. Here
 #: a frame includes its intermission of 3 bits; Broster et al. exclude it, so their 29 bits are 26

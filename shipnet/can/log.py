@@ -6,7 +6,6 @@ import os
 from collections import Counter
 from dataclasses import dataclass
 from math import isfinite
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from shipnet.can.messages import Message, MessageSet
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import pd
+from shipnet.tables import save_suffix
 
 #: Legal kinds of numpy dtype for each column of a log.
 _KINDS = {
@@ -136,8 +136,7 @@ class Log:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a ``.log`` file in the format of ``candump -l``."""
-        if Path(path).suffix.lower() != ".log":
-            raise ArgumentError(f"path is {str(path)!r}; its suffix must be .log")
+        save_suffix(path, ".log")
         self._check_times("a candump file")
         text = self.data.astype(np.uint8).tobytes().hex().upper()
         columns = (column.tolist() for column in self.columns[:6])

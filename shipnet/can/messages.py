@@ -18,7 +18,7 @@ from typing import Any, Literal, NamedTuple, TypeVar, overload
 import numpy as np
 import numpy.typing as npt
 
-from shipnet import datasets
+from shipnet import datasets, tables
 from shipnet.arguments import checked
 from shipnet.arrays import Floats, Indices, Integers
 from shipnet.can.frame import check_bit_rate, highest_id
@@ -340,23 +340,22 @@ class MessageSet(Named[Message]):
     @property
     def text(self) -> str:
         """The set as CSV text, with times to the nanosecond."""
-        rows: list[tuple[object, ...]] = [COLUMNS]
-        for message in self:
-            times = (_milliseconds(getattr(message, time)) for time in TIMES)
-            rows.append(
-                (message.name, f"{message.arbitration_id:#x}", message.dlc, *times,
-                 "yes" if message.extended else "no", message.sender, message.bits)
-            )  # fmt: skip
-        return csv_text(rows)
+        return csv_text([COLUMNS, *self._rows])
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write a CSV file that `read_messages` can read; DBC and Excel suffixes are refused."""
-        if (suffix := Path(path).suffix.lower()) in (".dbc", ".xls", ".xlsm", ".xlsx"):
-            raise ArgumentError(
-                f"path is {str(path)!r}; a CSV file cannot have the suffix {suffix}; to write a "
-                "DBC file, use cantools"
+        """Write a CSV file or an Excel workbook that `read_messages` can read."""
+        tables.save_table(path, pd.DataFrame(self._rows, columns=COLUMNS))
+
+    @property
+    def _rows(self) -> list[tuple[object, ...]]:
+        return [
+            (
+                message.name, f"{message.arbitration_id:#x}", message.dlc,
+                *(_milliseconds(getattr(message, time)) for time in TIMES),
+                "yes" if message.extended else "no", message.sender, message.bits,
             )
-        Path(path).write_text(self.text, encoding="utf-8", newline="")
+            for message in self
+        ]  # fmt: skip
 
 
 def counted(names: Sequence[str]) -> str:

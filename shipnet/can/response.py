@@ -359,7 +359,7 @@ class ResponseTimes(Named[ResponseTime]):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the longest response of each message as a dot, connected to its deadline."""
-        table, ax = self.table(), style.axes(ax)
+        table, ax = self.table(), style.axes(ax, figsize=style.size(len(self)))
         y, red = np.arange(len(table)), style.LIMIT["color"]
         response, deadline = (table[name].to_numpy() for name in ("response_ms", "deadline_ms"))
         met, finite = table["met"].to_numpy(), np.isfinite(response)

@@ -177,7 +177,7 @@ class Run:
         low, high = 1e3 * start, last if stop is None else 1e3 * stop
         if not low < high:
             raise ArgumentError(f"start is {start} s; it must be before stop, {high / 1e3:g} s")
-        ax = style.axes(ax)
+        ax = style.axes(ax, figsize=style.size(len(self.system.names)))
         lane = {name: row for row, name in enumerate(self.system.names)}
 
         def rows(table: pd.DataFrame) -> pd.Series:

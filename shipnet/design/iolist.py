@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -20,7 +19,7 @@ from shipnet.fields import check_rng, check_whole
 from shipnet.lazy import Axes
 from shipnet.signals import ASI_PAIR, Saving, hardwired_conductors
 from shipnet.signals import SIGNALS as SIGNALS
-from shipnet.tables import as_csv
+from shipnet.tables import save_table
 
 if TYPE_CHECKING:
     from shipnet.design.comparison import Comparison
@@ -174,10 +173,10 @@ class IoList(PointTable):
         return plot_points(self.points, option, ax=ax)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the list to a CSV file that `read_iolist` can read."""
+        """Write the list to a CSV file or an Excel workbook that `read_iolist` can read."""
         empty = [name for name in ("device", "ex") if not self.points[name].any()]
         names = [name for name in COLUMNS if name not in empty]
-        Path(path).write_bytes(as_csv(self.points[names]))
+        save_table(path, self.points[names])
 
 
 @dataclass(frozen=True)

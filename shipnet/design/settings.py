@@ -39,7 +39,7 @@ from shipnet.fields import (
 from shipnet.lazy import pd
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.uart import CHARACTERS
-from shipnet.tables import read_bytes, text_of
+from shipnet.tables import read_bytes, save_suffix, text_of
 
 # Kinds of values that only designs have ------------------------------------------------------
 
@@ -469,7 +469,8 @@ class Settings(_Plain):
         return settings
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write all values to a file that `read` can read."""
+        """Write all values to a TOML file that `read` can read."""
+        save_suffix(path, ".toml")
         Path(path).write_text(self.text(), encoding="utf-8", newline="\n")
 
     def text(self) -> str:

@@ -595,7 +595,10 @@ class Decision:
         shape = self.active.shape[:-1]
         fits = len(index) == len(shape)
         if not fits or any(not -n <= i < n for i, n in zip(index, shape, strict=True)):
-            raise ArgumentError(f"index is {index}; the samples have shape {shape}")
+            legal = ", ".join(f"0..{n - 1}" for n in shape) or "empty"
+            raise ArgumentError(
+                f"index is {index}; for samples of shape {shape}, it must be {legal}"
+            )
         return index
 
 

@@ -317,7 +317,8 @@ class Network:
     ) -> dict[str, Quantity]:
         """Return the DC voltage at each node [V] when nodes draw the given `currents` [A].
 
-        The supply keeps its node at `voltage` [V]; loads are ignored.
+        The supply keeps its node at `voltage` [V]; loads are ignored. All voltages are NaN if the
+        currents cannot flow: somewhere, the cables would drop more than the supply's voltage.
         """
         self.index(supply, "supply")
         tree = self.rooted(supply)
@@ -354,6 +355,7 @@ class Network:
             drop = drop + (drop[b] - drop[a]) / loop * ring_drop
         volts = np.empty_like(drop)
         volts[tree.order] = emf - drop
+        volts[:, np.any(volts * np.sign(emf) < 0, axis=0)] = np.nan
         return dict(zip(self.nodes, volts[:, 0].tolist() if trees is None else volts, strict=True))
 
     def layout(self, root: str | None = None) -> Layout:

@@ -37,7 +37,7 @@ class SerialLine:
     (11, 4.01, 9.17)
     """
 
-    bit_rate: float = number(50, 10e6, "bit/s", "Bit rate")
+    bit_rate: float = number(300, 10e6, "bit/s", "Bit rate")
     character: str = choice(
         CHARACTERS, "Data bits (8 in RTU), parity and stop bits. The standard requires 8E1 by "
         "default, and 8N2 without parity; 8N1 is common nevertheless", default="8E1",

@@ -18,6 +18,7 @@ from shipnet.fields import check_rng, check_scalar, check_whole, number, record
 from shipnet.lazy import pd
 
 __all__ = ["LossyPath", "compare"]
+__dir__ = __all__.copy
 
 _MOST = 10**6  #: Largest number of requests.
 

@@ -257,7 +257,7 @@ class System:
         "Packet format, a MarkerFormat or a CobsFormat; its ``n_numbers`` is the number of "
         "items, the same on all hops", default_factory=MarkerFormat,
     )  # fmt: skip
-    bit_rate: float = number(1, 10e6, "bit/s", "Bit rate", default=9600.0)
+    bit_rate: float = number(300, 10e6, "bit/s", "Bit rate", default=9600.0)
     character_bits: int = whole(
         10, 11, "bit",
         "Bits per byte on the line: 10, or 11 with a parity bit or a second stop bit; chung1998 "

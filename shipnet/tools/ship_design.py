@@ -299,7 +299,7 @@ class ShipDesign(Tool):
 def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
     """Return the inputs with the I/O list of a file; the cabinet is left empty, to be inferred."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "list"
+        path = Path(folder) / "list.csv"
         path.write_bytes(content)
         try:
             iolist = read_iolist(path, settings=Settings.parse(inputs.own))

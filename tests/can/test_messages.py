@@ -471,7 +471,7 @@ BO_ 256 Level: 8 JB1
     before = file.read_bytes()
     found = read_messages(file)
     assert list(found) == [Message("Level", 0x100, 8, 0.1, sender="JB1")]
-    with pytest.raises(ArgumentError, match=r"a CSV file cannot have the suffix \.dbc"):
+    with pytest.raises(ArgumentError, match=r"its suffix must be \.csv or \.xlsx"):
         found.save(file)
     assert file.read_bytes() == before
 

@@ -5,16 +5,19 @@ import json
 import math
 from collections import deque
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from unittest.mock import Mock, patch
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
+from shipnet import style
 from shipnet.can import (
     Assumptions,
     Message,
@@ -599,6 +602,26 @@ def test_a_response_without_bound_is_drawn_as_such(ax):
 def test_a_set_without_messages_can_be_drawn(ax):
     response_times(MessageSet([]), 125_000).plot(ax)
     ax.figure.draw_without_rendering()
+
+
+@pytest.mark.parametrize("saved", [False, True])
+def test_a_figure_of_many_messages_is_tall_enough_for_their_names(monkeypatch, saved):
+    answer = response_times(
+        MessageSet([Message(f"MSG_{k}", k, 8, 0.01 + 0.005 * k) for k in range(60)]), 250e3
+    )
+    if saved:
+        drawn = []
+        monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
+        style.save(answer.plot, "all.png")
+        (figure,) = drawn
+    else:
+        figure = answer.plot().figure
+    figure.draw_without_rendering()
+    boxes = [label.get_window_extent() for label in figure.axes[0].get_yticklabels()]
+    assert not any(one.overlaps(other) for one, other in pairwise(boxes))
+    plt.close("all")
+    assert response_times(MessageSet([]), 125_000).plot().figure.get_figheight() < 5
+    plt.close("all")
 
 
 def test_utilisation_is_the_load_and_a_period_and_a_response():
