@@ -186,19 +186,21 @@ class Analysis:
     def verdict(self) -> str:
         """The number of messages, `lowest` and `lowest_in_best_order`, in one line.
 
-        For a log, the line ends with the kinds of messages that are not periodic, and with the
-        step of the time stamps if it is coarse.
+        For a log, the line ends with the number of messages of each kind, and with the step of
+        the time stamps if it is coarse.
         """
         given, best = (
             "none" if rate == math.inf else f"{rate / 1e3:g} kbit/s"
             for rate in (self.lowest, self.lowest_in_best_order)
         )
-        number, observed = len(self.messages), self.messages.observed
-        notes = [f"{number} messages, lowest bit rate: {given}, in the best order: {best}"]
+        observed = self.messages.observed
+        notes = [
+            f"{len(self.messages)} messages, lowest bit rate: {given}, in the best order: {best}"
+        ]
         if len(observed):
             kinds = Counter(observed["kind"].sort_values())
-            odd = [f"{count} {kind}" for kind, count in kinds.items() if kind != "periodic"]
-            notes += [f"from a log: {', '.join(odd)} of {number}"] if odd else []
+            words = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+            notes += [f"from a log: {words}"]
             notes += coarse(observed["step_ms"].max() / 1e3)
         return "; ".join(notes)
 
@@ -422,7 +424,7 @@ def compare(
         chosen = slice(*np.searchsorted(keys, [key, key + 1]))
         gaps = np.diff(times[chosen])
         silence = float(np.diff(times[chosen], prepend=0.0, append=end).max())
-        number, wanted, odd = hexadecimal(key >> 1, key & 1), math.nan, ["unknown"]
+        number, wanted, odd = hexadecimal(key >> 1, bool(key & 1)), math.nan, ["unknown"]
         name = number
         if message:
             name, wanted = message.name, message.period

@@ -273,7 +273,7 @@ class ResponseTimes(Named[ResponseTime]):
     >>> messages = MessageSet([Message("A", 1, 8, 2e-3), Message("B", 2, 8, 3e-3)])
     >>> found = response_times(messages, 125e3)
     >>> found
-    ResponseTimes(2 messages, 1 late, critical: A)
+    ResponseTimes(2 messages at 125 kbit/s, 1 late, critical: A)
     >>> found["B"].response, found.met, found.late
     (0.00216, False, ['A'])
     """

@@ -74,7 +74,7 @@ def test_messages_are_read_from_lists_dbc_files_and_logs(tmp_path):
         (tmp_path / name).write_text(messages.text)
         assert can.analyse(tmp_path / name, 125e3).messages == messages
     (tmp_path / "ship.dbc").write_text(DBC)
-    with pytest.raises(InputError, match="no cycle time; give one with --period .* or period="):
+    with pytest.raises(InputError, match="no cycle time; give one with --period on the"):
         can.analyse(tmp_path / "ship.dbc", 125e3)
     assert len(can.analyse(str(tmp_path / "ship.dbc"), 125e3, period=0.1).messages) == 2
     log = can.simulate(messages, 125e3, until=3.0).log()
@@ -176,8 +176,8 @@ def test_the_load_of_a_recorded_bus_is_that_of_its_log(name, kinds):
     # Fast packets of several frames are sent in bursts; the others are periodic.
     assert found.messages.observed["kind"].value_counts().to_dict() == kinds
     assert {"0x09F80100", "0x09F80200"}.isdisjoint(irregular(found.messages))
-    words = {"snippet": "1 burst, 6 unclear", "boat": "5 burst"}[name]
-    assert found.verdict.endswith(f"; from a log: {words} of 9")
+    words = ", ".join(f"{kinds[kind]} {kind}" for kind in sorted(kinds))
+    assert found.verdict.endswith(f"; from a log: {words}")
     snippet = can.read_capture(datasets.path("sigrok_nmea2000_snippet.sr"), 250e3).log
     assert can.compare(log, snippet).ok and can.compare(log, log).ok
 
@@ -370,15 +370,57 @@ def test_the_period_of_any_regular_message_is_recovered(
         assert seen.jitter_ms / 1e3 >= 0.7 * jitter * period - 2 * step
 
 
+def test_events_are_of_their_own_kind_and_count_at_their_mean_rate():
+    rng = np.random.default_rng(7)
+    events = np.cumsum(0.05 + rng.exponential(1.0, 200))
+    log = joined(log_of(events), log_of(np.arange(0, events[-1], 0.1) + 1e-3, 0x20))
+    found = can.analyse(log, [125e3])
+    seen = found.messages.observed.loc["0x010"]
+    assert seen["kind"] == "event" and math.isnan(seen["period_ms"])
+    assert seen["shortest_ms"] == pytest.approx(1e3 * np.diff(events).min(), abs=1e-3)
+    assert found.messages["0x010"].period == pytest.approx(np.ptp(log.time) / 200)
+    assert found.verdict.endswith("; from a log: 1 event, 1 periodic") and found.ok
+    assert can.compare(log, log).ok
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_a_message_with_fewer_than_four_frames_is_unclear(number):
+    log = joined(log_of(np.arange(number) + 1.2345e-3), log_of(np.arange(31) * 0.1, 0x20))
+    assert log.messages().observed.loc["0x010", "kind"] == "unclear"
+    assert can.analyse(log).verdict.endswith("; from a log: 1 periodic, 1 unclear")
+
+
+@given(st.data())
+def test_no_log_is_late_compared_with_itself(data):
+    step = data.draw(st.sampled_from([1e-6, 1e-3, 1.0]))
+    stamps = st.lists(st.integers(0, 20_000), min_size=1, max_size=40)
+    log = joined(*(log_of(np.array(data.draw(stamps)) * step, key) for key in range(1, 4)))
+    try:
+        found = can.compare(log, log)
+    except ArgumentError as refused:
+        assert "a message set requires" in str(refused)
+        return
+    assert found.ok, found.table()
+
+
+@given(
+    seed=st.integers(0, 2**32), lost=st.sampled_from([0.0, 0.1]), drift=st.sampled_from([0, 0.04]),
+    jitter=st.floats(0, 0.45), step=st.sampled_from([1e-6, 1e-3]),
+)  # fmt: skip
+def test_no_recording_of_a_regular_message_is_late_compared_with_itself(seed, **how):
+    times = recorded(np.random.default_rng(seed), 300, 0.02, **how)
+    assert can.compare(log_of(times), log_of(times)).ok
+
+
 # A plan and a log ------------------------------------------------------------------------------
 
 
-def log_of(times, key=0x10, dlc=8):
+def log_of(times, key=0x10, dlc=8, extended=False):
     """Return a log of one message."""
     n = len(times)
     no, data = np.zeros(n, bool), np.zeros((n, 8), np.uint8)
-    codes = np.full(n, dlc, np.uint8)
-    return can.Log(np.array(times, float), np.full(n, "0"), np.full(n, key), no, no, codes, data)
+    time, channel, long = np.array(times, float), np.full(n, "0"), np.full(n, extended)
+    return can.Log(time, channel, np.full(n, key), long, no, np.full(n, dlc, np.uint8), data)
 
 
 def test_a_log_of_the_planned_messages_is_as_planned_in_every_format(tmp_path):
@@ -478,3 +520,53 @@ def test_clocks_may_drift_for_an_hour_within_the_tolerance_of_can():
                            (0.017, "late"), (-0.017, "faster")):  # fmt: skip
         times = np.arange(36_000) * 0.1 * (1 + drift) + 1.7e9
         assert can.compare(plan, log_of(times)).table()["verdict"].tolist() == [verdict]
+
+
+#: A J1939 database: source address FE; EEC1 is sent by two engines, and TSC1 has a destination.
+J1939 = """VERSION ""
+
+BU_: Engine
+
+BO_ 2364540158 EEC1: 8 Engine
+ SG_ Speed : 24|16@1+ (0.125,0) [0|8000] "rpm" Vector__XXX
+
+BO_ 2348810494 TSC1: 8 Engine
+ SG_ Torque : 0|8@1+ (1,0) [0|250] "%" Vector__XXX
+
+BO_ 2566843134 AMB: 8 Engine
+ SG_ Air : 0|8@1+ (1,0) [0|250] "kPa" Vector__XXX
+
+BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
+BA_DEF_DEF_ "GenMsgCycleTime" 100;
+"""
+MARK = (
+    'BA_DEF_ "ProtocolType" STRING ;\nBA_DEF_DEF_ "ProtocolType" "";\nBA_ "ProtocolType" "J1939";\n'
+)
+
+
+def test_a_j1939_database_matches_a_log_by_pgn(tmp_path):
+    pytest.importorskip("cantools")
+    (tmp_path / "plain.dbc").write_text(J1939)
+    (tmp_path / "j1939.dbc").write_text(J1939 + MARK)
+    times = np.arange(50) * 0.1
+    ids = (0x0CF00400, 0x0CF00401, 0x0C000003, 0x18FF0100)
+    log = joined(*(log_of(times + k * 1e-3, key, extended=True) for k, key in enumerate(ids)))
+    marked = can.compare(tmp_path / "j1939.dbc", log)
+    assert marked.table()["verdict"].to_dict() == {
+        "TSC1": "as planned",
+        "EEC1 0x0CF00400": "as planned",
+        "EEC1 0x0CF00401": "as planned",
+        "AMB": "missing",
+        "0x18FF0100": "unknown",
+    }
+    assert marked.verdict == "4 messages, 1 missing, 1 unknown"
+    assert can.compare(tmp_path / "plain.dbc", log, pgn=True).table().equals(marked.table())
+    plain = can.compare(tmp_path / "plain.dbc", log)
+    assert plain.verdict == "3 messages, 3 missing, 4 unknown"
+    # A source that the plan names is not taken for another one.
+    two = can.MessageSet(
+        can.Message(f"E{k}", 0x0CF00400 + k, 8, period, extended=True)
+        for k, period in enumerate((0.1, 10.0))
+    )
+    verdicts = can.compare(two, log, pgn=True).table()["verdict"]
+    assert verdicts[["E0", "E1"]].tolist() == ["as planned", "faster"]
