@@ -184,6 +184,7 @@ def _can(arguments: argparse.Namespace) -> Answer:
         "bit_rate_of_responses": (found.at_lowest.bit_rate, "bit/s"),
         "bus_time": (found.at_lowest.utilisation().bus_time, "1"),
     }
+    observed = pd.DataFrame() if messages.observed is None else messages.observed
     gains = found.lowest_in_best_order < found.lowest
     order = found.best.messages.table().reset_index()[["name", "arbitration_id"]]
     return _answer(
@@ -191,7 +192,7 @@ def _can(arguments: argparse.Namespace) -> Answer:
         rates,
         f"{found.verdict}\nresponse times are at {found.at_lowest.bit_rate / 1e3:g} kbit/s",
         bit_rates=found.table().reset_index(),
-        messages_of_log=messages.observed.reset_index(),
+        messages_of_log=observed.reset_index(),
         responses=found.at_lowest.table().reset_index(),
         best_order=order if gains else order[:0],
         left_out=left_out,

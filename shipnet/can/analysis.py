@@ -193,14 +193,12 @@ class Analysis:
             "none" if rate == math.inf else f"{rate / 1e3:g} kbit/s"
             for rate in (self.lowest, self.lowest_in_best_order)
         )
-        observed = self.messages.observed
         notes = [
             f"{len(self.messages)} messages, lowest bit rate: {given}, in the best order: {best}"
         ]
-        if len(observed):
+        if (observed := self.messages.observed) is not None:
             kinds = Counter(observed["kind"].sort_values())
-            words = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
-            notes += [f"from a log: {words}"]
+            notes += ["from a log: " + ", ".join(f"{n} {kind}" for kind, n in kinds.items())]
             notes += coarse(observed["step_ms"].max() / 1e3)
         return "; ".join(notes)
 
@@ -266,7 +264,7 @@ def analyse(
     if not rates or not all(1000 <= rate <= 1e6 and rate % 1 == 0 for rate in rates):
         raise ArgumentError(f"bit_rates is {bit_rates!r}; each must be whole, 1000..1000000 bit/s")
     known = _messages(messages, period)
-    if assumptions is None and len(known.observed):
+    if assumptions is None and known.observed is not None:
         assumptions = Assumptions(own_jitter=False)
         queued = (replace(message, deadline=message.deadline - message.jitter) for message in known)
         known = MessageSet(queued, observed=known.observed)
@@ -429,7 +427,7 @@ def compare(
         if message:
             name, wanted = message.name, message.period
             name += f" {number}" if len(sources[message]) > 1 else ""
-            seen = plan.observed.loc[message.name] if len(plan.observed) else None
+            seen = None if plan.observed is None else plan.observed.loc[message.name]
             odd = _differences(message, times[chosen], codes[chosen], silence, found.step, seen)
         usual = (gaps.min(), gaps.mean()) if len(gaps) else (math.nan, math.nan)
         spans = (1e3 * span for span in (wanted, *usual, silence))

@@ -238,9 +238,7 @@ class Log:
             jitter = round(min(max(jitter, 0.0), 1e5 - mean), 9)
             silence = float(np.diff(when, prepend=self.time.min(), append=self.time.max()).max())
             wander = max(lateness(when, mean)) if pattern.mean == pattern.period else math.nan
-            spans = (
-                pattern.period, pattern.jitter, pattern.shortest, silence, wander, self.step,
-            )  # fmt: skip
+            spans = (pattern.period, pattern.jitter, pattern.shortest, silence, wander, self.step)
             rows.append((name, pattern.kind, len(when), frames, *(1e3 * span for span in spans)))
             messages.append(
                 Message(

@@ -221,7 +221,7 @@ class MessageSet(Named[Message]):
         Faults that were ignored when the file was read.
     observed : DataFrame, optional
         The pattern of each message in the log from which the set was read, as described in the
-        notes of `read_messages`, indexed by ``name``; empty for other sets.
+        notes of `read_messages`, indexed by ``name``; None for other sets.
     any_source : iterable of str, optional
         Names of the J1939 messages, which `compare` recognises by their PGN from any source.
 
@@ -243,7 +243,7 @@ class MessageSet(Named[Message]):
         any_source: Iterable[str] = (),
     ) -> None:
         self.overlooked = tuple(overlooked)
-        self.observed = pd.DataFrame() if observed is None else observed
+        self.observed = observed
         self.any_source = frozenset(any_source)
         given = list(messages)
         others = [item for item in given if not isinstance(item, Message)]
@@ -307,7 +307,8 @@ class MessageSet(Named[Message]):
         if "period" in new and "deadline" not in new and self[name].deadline == self[name].period:
             new["deadline"] = None
         changed = replace(self[name], **new)
-        return MessageSet([*self[:place], changed, *self[place + 1 :]])
+        messages = [*self[:place], changed, *self[place + 1 :]]
+        return MessageSet(messages, any_source=self.any_source)
 
     def ordered(self, names: Iterable[str]) -> MessageSet:
         """Return the messages with new priorities; `names` lists all names, highest priority first.

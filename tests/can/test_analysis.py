@@ -561,6 +561,8 @@ def test_a_j1939_database_matches_a_log_by_pgn(tmp_path):
     }
     assert marked.verdict == "4 messages, 1 missing, 1 unknown"
     assert can.compare(tmp_path / "plain.dbc", log, pgn=True).table().equals(marked.table())
+    slower = can.read_messages(tmp_path / "j1939.dbc").replace("TSC1", period=0.2)
+    assert can.compare(slower, log).table().loc["TSC1", "verdict"] == "faster"
     plain = can.compare(tmp_path / "plain.dbc", log)
     assert plain.verdict == "3 messages, 3 missing, 4 unknown"
     # A source that the plan names is not taken for another one.
