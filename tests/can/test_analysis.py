@@ -364,8 +364,9 @@ def test_the_period_of_any_regular_message_is_recovered(
     assert seen.kind == ("periodic" if burst == 1 else "burst") and seen.burst == burst
     slack = 3 * (jitter * period + step) / number + drift * period
     assert seen.period_ms / 1e3 == pytest.approx(period, abs=slack + 1e-9)
-    # Jitter is local: slow drift is not part of it, and the steps of the stamps are not either.
-    assert seen.jitter_ms / 1e3 <= 1.8 * jitter * period + 0.01 * period + step
+    # Jitter is local: slow drift is not part of it. In the log of one message, whose frames never
+    # share a time stamp, steps may not be recognised; they then count as jitter.
+    assert seen.jitter_ms / 1e3 <= 1.8 * jitter * period + 0.01 * period + 2 * step
     if number > 100:
         assert seen.jitter_ms / 1e3 >= 0.7 * jitter * period - 2 * step
 
