@@ -134,8 +134,7 @@ def _answer(
     """Return an Answer with `text` (default: the verdict) and the non-empty tables as its text."""
     look: dict[str, Any] = {"index": False, "na_rep": "-", "max_rows": _ROWS}
     blocks = [
-        f"{name.replace('_', ' ')}:\n"
-        + table.round(3).to_string(formatters={"arbitration_id": "0x{:X}".format}, **look)
+        f"{name.replace('_', ' ')}:\n" + table.round(3).to_string(**look)
         for name, table in tables.items()
         if len(table) and name != "findings"
     ]
@@ -160,6 +159,8 @@ def _can(arguments: argparse.Namespace) -> Answer:
 
     if arguments.log and arguments.rates:
         raise ArgumentError("--log and --rates cannot be combined")
+    if arguments.pgn and not arguments.log:
+        raise ArgumentError("--pgn requires --log")
     for words in arguments.column:
         if "=" not in words:
             raise ArgumentError(f"--column is {words!r}; it must be TITLE=NAME")
@@ -171,7 +172,7 @@ def _can(arguments: argparse.Namespace) -> Answer:
     )
     left_out = pd.DataFrame({"fault": messages.overlooked})
     if arguments.log:
-        compared = compare(messages, arguments.log)
+        compared = compare(messages, arguments.log, pgn=arguments.pgn)
         table = compared.table().reset_index()
         counts = table["verdict"].value_counts().items()
         numbers = {str(verdict): (int(count), "") for verdict, count in counts}
@@ -183,12 +184,15 @@ def _can(arguments: argparse.Namespace) -> Answer:
         "bit_rate_of_responses": (found.at_lowest.bit_rate, "bit/s"),
         "bus_time": (found.at_lowest.utilisation().bus_time, "1"),
     }
+    observed = pd.DataFrame() if messages.observed is None else messages.observed
     gains = found.lowest_in_best_order < found.lowest
     order = found.best.messages.table().reset_index()[["name", "arbitration_id"]]
     return _answer(
         found,
         rates,
+        f"{found.verdict}\nresponse times are at {found.at_lowest.bit_rate / 1e3:g} kbit/s",
         bit_rates=found.table().reset_index(),
+        messages_of_log=observed.reset_index(),
         responses=found.at_lowest.table().reset_index(),
         best_order=order if gains else order[:0],
         left_out=left_out,

@@ -50,6 +50,11 @@ def highest_id(extended: bool) -> int:
     return 2**29 - 1 if extended else 2**11 - 1
 
 
+def hexadecimal(number: int, extended: bool) -> str:
+    """Return an arbitration id as people read it: hexadecimal, with 3 or 8 digits."""
+    return f"0x{number:0{8 if extended else 3}X}"
+
+
 def payload(dlc: int, remote: bool = False) -> int:
     """Return the number of data bytes in a frame with this data length code."""
     return 0 if remote else min(dlc, 8)
@@ -242,7 +247,7 @@ class Frame:
         return f"Frame({self})"
 
     def __str__(self) -> str:
-        number = f"{self.arbitration_id:0{8 if self.extended else 3}X}"
+        number = hexadecimal(self.arbitration_id, self.extended)[2:]
         length = min(self.dlc, 8)
         content = (f"R{length or ''}") if self.remote else self.data.hex().upper()
         return f"{number}#{content}" + (f"_{self.dlc:X}" if self.dlc > 8 else "")

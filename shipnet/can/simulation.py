@@ -120,7 +120,7 @@ class Run:
             waited = np.r_[response, nanoseconds(self.until) - arrival[sent:]]
             rows.append(
                 {
-                    "arbitration_id": self.system[rank].arbitration_id,
+                    "arbitration_id": self.system[rank].hex_id,
                     "extended": self.system[rank].extended,
                     "released": len(start),
                     "sent": sent,

@@ -537,8 +537,9 @@ def test_results_can_be_read_by_name_and_name_the_critical_message():
     found = response_times(davis_messages(), 125e3)
     assert found["C"] == found[-1]
     assert (found.met, found.late, found.critical) == (False, ["C"], "C")
-    assert repr(found) == "ResponseTimes(3 messages, 1 late, critical: C)"
-    assert repr(response_times(davis_messages(), 500e3)).startswith("ResponseTimes(3 messages, all")
+    assert repr(found) == "ResponseTimes(3 messages at 125 kbit/s, 1 late, critical: C)"
+    fast = repr(response_times(davis_messages(), 500e3))
+    assert fast.startswith("ResponseTimes(3 messages at 500 kbit/s, all")
     with pytest.raises(ArgumentError, match="name is 'D'; the messages are A, B, C"):
         found["D"]
     assert found.table()["load_percent"].sum() == pytest.approx(100 * (1 / 2.5 + 2 / 3.5), rel=1e-9)
