@@ -7,8 +7,6 @@ import os
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
-from math import isfinite
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
