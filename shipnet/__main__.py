@@ -7,12 +7,13 @@ import json
 import sys
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from importlib.resources import files
 from textwrap import shorten
 from typing import Any, NoReturn, TextIO
 
 from shipnet.answers import FORMS, Answer, check_output, encodable, printable
-from shipnet.errors import ArgumentError, InputError
+from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.lazy import pd
 
 #: Columns of the transactions on the terminal: title, name, width and digits.
@@ -323,15 +324,26 @@ def _grade(arguments: argparse.Namespace) -> Answer:
 def _fleet(arguments: argparse.Namespace) -> None:
     from shipnet.ballast.fleet import write_fleet
 
-    found = write_fleet(
-        arguments.out,
-        arguments.valves,
-        arguments.days,
-        faults_per_year=arguments.faults,
-        seed=arguments.seed,
-        client=arguments.scheduler,
-    )
-    valves, faults, samples, strokes, size = found.sum().tolist()
+    with ExitStack() as stack:
+        workers: Any = arguments.workers
+        if arguments.scheduler:
+            distributed = load_extra("distributed", "distributed")
+            try:
+                client = stack.enter_context(distributed.Client(arguments.scheduler, timeout=10))
+            except (OSError, ValueError) as problem:
+                raise ArgumentError(
+                    f"--scheduler is {arguments.scheduler!r}; no scheduler responds there"
+                ) from problem
+            workers = client.get_executor().map
+        blocks = write_fleet(
+            arguments.out,
+            arguments.valves,
+            arguments.days,
+            faults_per_year=arguments.faults,
+            seed=arguments.seed,
+            workers=workers,
+        )
+    valves, faults, samples, strokes, size = blocks.sum().tolist()
     _print(
         f"{valves} valves, {arguments.days} days, {faults} faults, {samples} samples, {strokes} "
         f"strokes: {size / 1e6:.1f} MB of synthetic data in {arguments.out}"

@@ -1,7 +1,6 @@
 """Rare errors, compared with counts where possible, with theory where valid, and repeated."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -14,8 +13,6 @@ from shipnet.asi.emc.rare_errors import rare_error_rates
 from shipnet.asi.receiver import RECEIVERS, Receiver
 from shipnet.errors import ArgumentError, InputError
 from tests.support import tolerance
-
-rare_error_rates = partial(rare_error_rates, client=1)
 
 NEAR = asi.line(100, slaves=(5, 100)).waveform(node="5 m")
 PROOF, DEAF = RECEIVERS["noise-proof"], Receiver(minimum=1.3)
