@@ -55,7 +55,7 @@ def test_the_interval_contains_the_rate_as_often_as_it_says():
     rng = np.random.default_rng(2024)
     held = 0
     for _ in range(150):
-        found = rare_errors._summary([rare_errors._sample((case, 500), rng)])
+        found = rare_errors._summary([rare_errors._sample((case, 500, rng))])
         held += found["rate_low"] <= truth <= found["rate_high"]
     # 95 % of 150 are 142.5; four standard deviations are 10.7.
     assert 132 <= held
