@@ -39,9 +39,11 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
     from shipnet.papers.judging import Ledger, computed_text
 
     ledger = Ledger(arguments.paper)
-    counts, table = ledger.counts(), ledger.table().reset_index()
-    lines = []
+    counts = ledger.counts()
+    tables, lines = {"counts": counts.reset_index()}, []
     if not arguments.summary:
+        table = ledger.table().reset_index()
+        tables = {"claims": table, **tables}
         lines = [f"{'claim':<15}{'published':>16}  {'computed':<14}{'by':<11}{'verdict':<20}what"]
         for row in table.to_dict("records"):
             published = shorten(row["published"], 16, placeholder="..")
@@ -61,7 +63,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
         verdict=str(ledger),
         text="\n".join([*lines, counts.to_string()]),
         numbers={str(name): (int(value), "") for name, value in counts.sum().items()},
-        tables={"claims": table, "counts": counts.reset_index()},
+        tables=tables,
         draw=ledger.plot,
     )
 
