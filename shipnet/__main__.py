@@ -7,12 +7,13 @@ import json
 import sys
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from importlib.resources import files
 from textwrap import shorten
 from typing import Any, NoReturn, TextIO
 
 from shipnet.answers import FORMS, Answer, check_output, encodable, printable
-from shipnet.errors import ArgumentError, InputError
+from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.lazy import pd
 
 #: Columns of the transactions on the terminal: title, name, width and digits.
@@ -38,9 +39,11 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
     from shipnet.papers.judging import Ledger, computed_text
 
     ledger = Ledger(arguments.paper)
-    counts, table = ledger.counts(), ledger.table().reset_index()
-    lines = []
+    counts = ledger.counts()
+    tables, lines = {"counts": counts.reset_index()}, []
     if not arguments.summary:
+        table = ledger.table().reset_index()
+        tables = {"claims": table, **tables}
         lines = [f"{'claim':<15}{'published':>16}  {'computed':<14}{'by':<11}{'verdict':<20}what"]
         for row in table.to_dict("records"):
             published = shorten(row["published"], 16, placeholder="..")
@@ -60,7 +63,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
         verdict=str(ledger),
         text="\n".join([*lines, counts.to_string()]),
         numbers={str(name): (int(value), "") for name, value in counts.sum().items()},
-        tables={"claims": table, "counts": counts.reset_index()},
+        tables=tables,
         draw=ledger.plot,
     )
 
@@ -327,15 +330,26 @@ def _grade(arguments: argparse.Namespace) -> Answer:
 def _fleet(arguments: argparse.Namespace) -> None:
     from shipnet.ballast.fleet import write_fleet
 
-    found = write_fleet(
-        arguments.out,
-        arguments.valves,
-        arguments.days,
-        faults_per_year=arguments.faults,
-        seed=arguments.seed,
-        client=arguments.scheduler,
-    )
-    valves, faults, samples, strokes, size = found.sum().tolist()
+    with ExitStack() as stack:
+        workers: Any = arguments.workers
+        if arguments.scheduler:
+            distributed = load_extra("distributed", "distributed")
+            try:
+                client = stack.enter_context(distributed.Client(arguments.scheduler, timeout=10))
+            except (OSError, ValueError) as problem:
+                raise ArgumentError(
+                    f"--scheduler is {arguments.scheduler!r}; no scheduler responds there"
+                ) from problem
+            workers = client.get_executor().map
+        blocks = write_fleet(
+            arguments.out,
+            arguments.valves,
+            arguments.days,
+            faults_per_year=arguments.faults,
+            seed=arguments.seed,
+            workers=workers,
+        )
+    valves, faults, samples, strokes, size = blocks.sum().tolist()
     _print(
         f"{valves} valves, {arguments.days} days, {faults} faults, {samples} samples, {strokes} "
         f"strokes: {size / 1e6:.1f} MB of synthetic data in {arguments.out}"

@@ -99,9 +99,9 @@ class Ledger:
 
     def counts(self) -> pd.DataFrame:
         """Return the number of claims of each paper by basis, or by the reason for not judging."""
-        table = self.table()
-        how = table["basis"].where(table["status"] == "judged", table["status"])
-        counted = pd.crosstab(table["paper"], how)
+        table = pd.DataFrame(self._claims)
+        status = table.apply(_status, axis="columns")
+        counted = pd.crosstab(table["paper"], table["basis"].where(status == "judged", status))
         order = table["paper"].unique()
         counted = counted.reindex(index=order, columns=list(TREATMENTS), fill_value=0)
         counted.columns.name, counted.index.name = None, "paper"
