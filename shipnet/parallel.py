@@ -26,7 +26,6 @@ from time import perf_counter
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
-from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.fields import check_whole
 
@@ -60,7 +59,6 @@ def points_of(grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]]) -
     return points
 
 
-@checked
 def compute(
     function: Callable[..., Any],
     tasks: Iterable[Any],

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.ballast.diagnosis import Diagnosis, Run, diagnose_run
 from shipnet.ballast.plant import FAULTS, Command, Fault, Plant
 from shipnet.ballast.sensors import CHANNELS
@@ -195,7 +194,6 @@ class _Writer:
         self.size += path.stat().st_size
 
 
-@checked
 def write_fleet(
     folder: str | PathLike[str],
     valves: int = 1000,

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Octets
@@ -30,7 +29,6 @@ CLOCK_TOLERANCE = 0.0158
 _STAMP = 1e-6  #: Resolution of the time stamps in a log [s].
 
 
-@checked
 def read_messages(
     path: str | PathLike[str],
     *,
@@ -191,7 +189,6 @@ class Analysis:
         return f"Analysis({self.verdict})"
 
 
-@checked
 def analyse(
     messages: MessageSet | Log | str | PathLike[str],
     bit_rates: float | Iterable[float] = BIT_RATES,
@@ -315,7 +312,6 @@ class LogComparison:
 _WORDS = ("missing", "late", "faster", "other length", "unknown", "not seen")
 
 
-@checked
 def compare(
     messages: MessageSet | Log | str | PathLike[str],
     log: Log | str | PathLike[str],

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import measure_frames
@@ -52,7 +51,6 @@ def hexadecimal(key: int) -> str:
     return f"0x{key >> 1:0{8 if key & 1 else 3}X}"
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Log:
     """Recorded frames as columns, in the order of the file.

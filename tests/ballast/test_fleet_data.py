@@ -212,7 +212,6 @@ def test_memory_does_not_grow_with_the_days(tmp_path):
         ({"idle_step": 0.5}, r"idle_step is 0\.5"),
         ({"seed": -1}, "seed is -1"),
         ({"seed": None}, "seed is None"),
-        ({"folder": None}, "folder is None"),
         ({"client": "nowhere://x"}, "client is 'nowhere://x'; no scheduler responds there"),
     ],
 )
