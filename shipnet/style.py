@@ -11,7 +11,6 @@ from collections.abc import Callable
 from importlib.resources import as_file, files
 from typing import Any
 
-from shipnet.arguments import checked
 from shipnet.lazy import Axes, pd
 
 __all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "use"]
@@ -55,7 +54,6 @@ def use() -> None:
         set_matplotlib_formats("retina")  # type: ignore[no-untyped-call]
 
 
-@checked
 def axes(ax: Axes | None = None, **options: Any) -> Axes:
     """Return `ax`, or the axes of a new figure; `options` are those of `pyplot.subplots`."""
     if ax is None:
@@ -97,7 +95,6 @@ def logarithmic(axis: Any) -> None:
     axis.set_ticks([], minor=True)
 
 
-@checked
 def box(
     ax: Axes, x: float, y: float, width: float, height: float, text: str = "", **look: Any
 ) -> None:
@@ -109,7 +106,6 @@ def box(
         ax.text(x + width / 2, y + height / 2, text, ha="center", va="center", zorder=3)
 
 
-@checked
 def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
     """Set the limits of axes and hide their ticks, grid and frame."""
     ax.set(xlim=x, ylim=y, xticks=[], yticks=[])

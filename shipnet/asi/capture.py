@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Findings
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Indices, parts_of
 from shipnet.asi.batch import NONE, Requests, parse_responses
 from shipnet.asi.bursts import Telegrams, find_telegrams
@@ -354,7 +353,6 @@ def _series(failed: pd.Series, slave: pd.Series) -> dict[str, list[int]]:
 _LONGEST_STEP = 1e-6
 
 
-@checked
 @dataclass(frozen=True)
 class Capture:
     """The telegrams and transactions decoded from a recorded line voltage.
@@ -700,7 +698,6 @@ def _power_fails(capture: Capture) -> float:
     return float(np.count_nonzero(np.diff(low, prepend=False) & low))
 
 
-@checked
 def decode(
     record: str | PathLike[str] | Waveform | npt.ArrayLike,
     dt: float | None = None,

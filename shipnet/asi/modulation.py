@@ -18,7 +18,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Complexes, Floats
 from shipnet.asi.batch import NONE
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, RESPONSES
@@ -147,7 +146,6 @@ def decided(pulses: Signs, places: Signs) -> tuple[Signs, Codes]:
     return np.where(middles == 0, NONE, middles > 0).astype(np.int8), error
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Modulation:
     r"""Alternating pulse modulation of bits: levels, send current, its spectrum, and pulses.
@@ -328,7 +326,6 @@ def _write_bits(ax: Axes, bits: str, height: float, va: str = "center") -> None:
         ax.text(middle, height, bit, ha="center", va=va, family="monospace")
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Pulses:
     """Signs of the pulses in telegrams, one per half-bit from the start of each telegram.

@@ -17,7 +17,6 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Findings, Utilisation
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.asi.master import Master
 from shipnet.asi.plan_file import Notes, note_key, read_elements, write_elements
@@ -79,7 +78,6 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
 _NAMED = 12
 
 
-@checked
 @dataclass(frozen=True, repr=False)
 class Plan:
     """An installation: cables and the devices on them.
@@ -501,7 +499,6 @@ def plan_of(elements: Iterable[Element], notes: Notes | None = None) -> Plan:
     return Plan(**kinds, notes=notes or {})
 
 
-@checked
 def read_plan(path: str | PathLike[str]) -> Plan:
     """Read a plan from a CSV file or an Excel workbook.
 
@@ -581,7 +578,6 @@ class Comparison:
         return ax
 
 
-@checked
 def compare(plans: Mapping[Any, Plan]) -> Comparison:
     """Compare the quality of the slaves' responses in several plans.
 

@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, Signs, decided, violated
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
@@ -61,7 +60,6 @@ class Disturbance(Protocol):
         """Return voltages of shape (size, n_t); `span` is the start and end of telegrams [s]."""
 
 
-@checked
 class Reception(NamedTuple):
     """The telegrams that a receiver read; the leading axes are those of the voltage.
 
@@ -155,7 +153,6 @@ class Tolerance(NamedTuple):
 TOLERANCE = Tolerance(evenness=0.65, ringing=0.30)
 
 
-@checked
 @record
 class Receiver:
     """The receiver of a master or a slave, with four settings.
@@ -222,7 +219,6 @@ RECEIVERS: Mapping[str, Receiver] = MappingProxyType(
 )
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform(line_waveform.Waveform):
     """Voltages of telegrams at a receiver; the telegrams begin at t = 0.

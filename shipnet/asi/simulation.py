@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Utilisation
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.asi.channel import Channel, MasterStops, Rows, Station, Stations
 from shipnet.asi.faults import LineFault
@@ -113,7 +112,6 @@ class Summary:
 _MOST_REQUESTS, _PART = 500, 40
 
 
-@checked
 @dataclass(frozen=True, repr=False)
 class Run:
     """A finished simulation: all telegrams and their evaluation.
@@ -445,7 +443,6 @@ _USUAL = Transaction()
 _PATIENCE = 10.0
 
 
-@checked
 def simulate(
     system: Plan | Sequence[Slave],
     master: Master | None = None,

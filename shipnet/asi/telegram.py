@@ -16,7 +16,6 @@ from itertools import product
 from typing import Any, Literal
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.asi.profile import describe_io_configuration, describe_status
 from shipnet.errors import (
     ArgumentError,
@@ -403,7 +402,6 @@ class Request:
         return cls(Call.DATA_EXCHANGE, address, data, half)
 
     @classmethod
-    @checked
     def table(cls, *, extended: bool = True) -> pd.DataFrame:
         """Return all requests bit by bit, to A/B slaves or to standard ones: kim2023's Table 5.
 

@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan, plan_of
 from shipnet.asi.segment import Supply, Terminator
@@ -19,7 +18,6 @@ from shipnet.line.cable import Cable
 from shipnet.line.network import CableRun
 
 
-@checked
 def line(
     length: float,
     slaves: int | Sequence[float] = 0,
@@ -74,7 +72,6 @@ def line(
     return plan_of([*plan, Terminator(_node(length), terminator)])
 
 
-@checked
 def star(
     trunk: float,
     legs: Sequence[float],
@@ -131,7 +128,6 @@ def star(
     return Plan(cables, [Master(node=_node(master))], [Supply(_node(supply))], slaves)
 
 
-@checked
 def ring(
     length: float,
     slaves: int | Sequence[float],

@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.ballast.plant import Movement, Plant
 from shipnet.ballast.rule_table import rule_base
@@ -38,7 +37,6 @@ _SETTLE = 5.0
 _AT_ONCE = 2**18
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Run:
     """Readings of the sensors, one row per instant, as returned by `simulate`.
@@ -248,7 +246,6 @@ def applicable(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Bools]:
     return {name: mask for name, mask in found.items() if name in base.names}
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """The diagnosis of every valve at every instant, as returned by `Run.diagnose`.
@@ -481,7 +478,6 @@ def _at(rows: Any, columns: Mapping[str, npt.NDArray[Any]]) -> dict[str, Any]:
     return {name: x[rows] for name, x in columns.items()}
 
 
-@checked
 def diagnose(
     readings: Mapping[str, npt.ArrayLike] | pd.DataFrame | None = None,
     method: str = "fuzzy",

@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.ballast.diagnosis import Diagnosis, Run, diagnose_run
 from shipnet.ballast.plant import FAULTS, Command, Fault, Plant
 from shipnet.ballast.sensors import CHANNELS
@@ -241,7 +240,6 @@ def save_whole(path: Path, write: Callable[[Path], object]) -> None:
     temporary.replace(path)
 
 
-@checked
 def write_fleet(
     folder: str | PathLike[str],
     valves: int = 1000,

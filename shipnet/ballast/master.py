@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.plant import Command, Plant
@@ -85,7 +84,6 @@ class Write(NamedTuple):
         return ExceptionCode(self.response[1]).name.replace("_", " ").lower()
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Screen:
     """Every valve as the master shows it at one time.
@@ -191,7 +189,6 @@ class Screen:
         return ax
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class MasterRun:
     """What a master received from its valves, as returned by `simulate` for a system with a poll.

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.can.faults import ErrorBound
 from shipnet.can.frame import hexadecimal
@@ -26,7 +25,6 @@ from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 
 
-@checked
 def read_messages(
     path: str | PathLike[str],
     *,
@@ -212,7 +210,6 @@ class Analysis:
         return f"Analysis({self.verdict})"
 
 
-@checked
 def analyse(
     messages: MessageSet | Log | str | PathLike[str],
     bit_rates: float | Iterable[float] = BIT_RATES,
@@ -339,7 +336,6 @@ class LogComparison:
 _WORDS = ("missing", "late", "faster", "other length", "unknown", "not seen")
 
 
-@checked
 def compare(
     messages: MessageSet | Log | str | PathLike[str],
     log: Log | str | PathLike[str],

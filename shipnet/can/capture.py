@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Bytes, Floats, Indices, Integers
 from shipnet.can.frame import CRC_BITS, HEADS, RUN, TAIL, check_bit_rate, hexadecimal
 from shipnet.can.lengths import frame_length
@@ -350,7 +349,6 @@ class Capture:
         )
 
 
-@checked
 def read_capture(
     path: str | PathLike[str],
     bit_rate: float | None = None,

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TypeAlias
 
-from shipnet.arguments import checked
 from shipnet.clock import Fault, nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, record, whole
@@ -51,7 +50,6 @@ class ErrorAt:
     time: float = number(0, 1e6, "s", "When the bit is disturbed")
 
 
-@checked
 @record
 class ErrorBound:
     r"""Bound on the errors in any interval of length :math:`t`, and on the bus time that they cost.

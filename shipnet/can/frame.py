@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.crc import CAN as CRC
 from shipnet.errors import (
     AcknowledgeError,
@@ -301,7 +300,6 @@ class _Line:
             )
 
 
-@checked
 def decode(bits: str) -> Frame:
     """Decode the frame at the beginning of a string of bits.
 
@@ -373,7 +371,6 @@ def decode(bits: str) -> Frame:
     return Frame(int(number, 2), content, extended, remote == "1", dlc)
 
 
-@checked
 class Arbitration(NamedTuple):
     """The outcome of an arbitration, as returned by `arbitrate`.
 
@@ -413,7 +410,6 @@ class Arbitration(NamedTuple):
         return plot_contest(list(rows), self.bus, ax, upto)
 
 
-@checked
 def arbitrate(frames: Sequence[Frame]) -> Arbitration:
     """Return the arbitration, bit by bit, between frames that begin at the same time.
 

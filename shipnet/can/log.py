@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.frame import check_bit_rate, hexadecimal, highest_id
 from shipnet.can.lengths import measure_frames
@@ -55,7 +54,6 @@ def impossible(
     return "" if math.isfinite(time) else f"the time is {time}"
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Log:
     """Recorded frames as columns, in the order of the file.

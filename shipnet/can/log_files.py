@@ -24,7 +24,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.can.frame import highest_id
 from shipnet.can.log import Log, impossible
 from shipnet.can.messages import said
@@ -140,7 +139,6 @@ def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     return np.flatnonzero(~kept[::-1])
 
 
-@checked
 def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     r"""Read a log of classic CAN frames.
 

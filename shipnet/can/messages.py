@@ -19,7 +19,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets, tables
-from shipnet.arguments import checked
 from shipnet.arrays import Floats, Indices, Integers
 from shipnet.can.frame import check_bit_rate, hexadecimal, highest_id
 from shipnet.can.lengths import Stuffing, length_table
@@ -30,6 +29,7 @@ from shipnet.fields import (
     Number,
     Switch,
     Whole,
+    check_choice,
     check_whole,
     declared,
     number,
@@ -209,7 +209,6 @@ class Named(Sequence[T]):
         return self._items[self._place(key) if isinstance(key, str) else key]
 
 
-@checked
 class MessageSet(Named[Message]):
     """The messages of one bus, highest priority first.
 
@@ -382,7 +381,6 @@ def bus_load(messages: MessageSet, bit_rate: float, stuffing: Stuffing = ...) ->
 def bus_load(
     messages: MessageSet, bit_rate: npt.ArrayLike, stuffing: Stuffing = ...
 ) -> float | Floats: ...
-@checked
 def bus_load(
     messages: MessageSet, bit_rate: npt.ArrayLike, stuffing: Stuffing = "worst"
 ) -> float | Floats:
@@ -446,7 +444,6 @@ bearings,0x300,8,1000,1000,JB3
 """
 
 
-@checked
 def example(name: Literal["engine", "lee2012"] = "engine") -> MessageSet:
     """Return an example message set.
 
@@ -467,6 +464,7 @@ def example(name: Literal["engine", "lee2012"] = "engine") -> MessageSet:
     >>> example()
     MessageSet(10 messages: shutdown, speed, fuel index, ...)
     """
+    check_choice("name", name, ("engine", "lee2012"))
     if name == "engine":
         return MessageSet.parse(EXAMPLE)
     return read_list(Path(datasets.path("synthetic_can_lee2012.csv")), None, None, True)

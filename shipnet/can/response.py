@@ -17,7 +17,6 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Utilisation
-from shipnet.arguments import checked
 from shipnet.arrays import Integers
 from shipnet.can.faults import NO_ERRORS, ErrorBound
 from shipnet.can.frame import INTERMISSION, check_bit_rate
@@ -386,7 +385,6 @@ class ResponseTimes(Named[ResponseTime]):
         return ax
 
 
-@checked
 def response_times(
     messages: MessageSet,
     bit_rate: float,
@@ -499,7 +497,6 @@ class Assignment(NamedTuple):
     unplaced: tuple[str, ...]
 
 
-@checked
 def audsley(
     messages: MessageSet,
     bit_rate: float,

@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Utilisation
-from shipnet.arguments import checked
 from shipnet.arrays import Floats, Integers
 from shipnet.can.bus import BUS_OFF, PASSIVE, Failure, releases, send, send_disturbed, send_sets
 from shipnet.can.faults import BitErrors, ErrorAt, Simulated
@@ -29,7 +28,6 @@ from shipnet.lazy import Axes, pd
 MOST_FRAMES = 20_000_000
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """The events on a simulated bus, as returned by `simulate`.
@@ -223,7 +221,6 @@ class Run:
         ).replace("%)", " %)")
 
 
-@checked
 def simulate(
     messages: MessageSet,
     bit_rate: float,
@@ -360,7 +357,6 @@ class BatchRun:
         return f"BatchRun({sets} set{plural} of offsets, {counted(self.system.names)})"
 
 
-@checked
 def simulate_batch(
     messages: MessageSet, bit_rate: float, *, offsets: npt.ArrayLike, until: float
 ) -> BatchRun:

@@ -13,7 +13,6 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Findings
-from shipnet.arguments import checked
 from shipnet.design import costs, drawing, failures, tables
 from shipnet.design.costs import Quantities
 from shipnet.design.layout import Layout
@@ -27,7 +26,6 @@ from shipnet.tables import as_csv, as_workbook
 _COLOURS = {"home run": "0.7", "drop": "0.8", "feeder": "C1", "trunk": "C0"}
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Layout):
     r"""One way to connect the points of an I/O list; `IoList.plan` makes one.

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from shipnet.arguments import checked
 from shipnet.design.layout import Site, Where, site_of
 from shipnet.design.points import PointTable
 from shipnet.design.settings import Given, Settings
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     from shipnet.parallel import Workers
 
 
-@checked
 class IoList(PointTable):
     r"""The I/O points of a ship: sensors to read, and outputs to control.
 
@@ -215,7 +213,6 @@ class _Case:
         return found.table().reset_index().to_dict("list")
 
 
-@checked
 def read_iolist(
     path: str | PathLike[str],
     *,

@@ -19,7 +19,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.design.catalogue import Assumptions, Range, cables, ordered, read_assumptions
 from shipnet.design.words import Reading
 from shipnet.errors import ArgumentError, InputError
@@ -318,7 +317,6 @@ def _check_size(text: str, source: str) -> None:
         raise InputError(source, f"nests values more than {_DEEPEST} deep; 2 levels are enough")
 
 
-@checked
 @dataclass(frozen=True, init=False, repr=False)
 class Settings(_Plain):
     """The limits, prices and allowances of a design, each under its own name.

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
@@ -74,7 +73,6 @@ class Valued:
         return hash(self._key())
 
 
-@checked
 @record(eq=False)
 class Cable(Valued):
     r"""A uniform two-wire cable, given by its constants per metre for both wires together.

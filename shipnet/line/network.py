@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import fields, style
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity, check_quantity, check_trees, record
@@ -35,7 +34,6 @@ def _constant(unit: str, help: str) -> Any:
     return fields.number(LEAST, MOST, unit, help, default=None, optional=True, many=True)
 
 
-@checked
 @dataclass(frozen=True, slots=True)
 class CableRun:
     """A piece of cable between two nodes.
@@ -151,7 +149,6 @@ class Layout(NamedTuple):
         return float(np.concatenate(everything).min())
 
 
-@checked
 class Network:
     """Runs of cable between named nodes, with loads from the nodes to the reference conductor.
 

@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
@@ -32,7 +31,6 @@ F_MAX = 12e6
 _WINDOW, _DAMPING = 1.5, 10.5
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform:
     """Voltages at evenly spaced times.

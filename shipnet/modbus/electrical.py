@@ -9,7 +9,6 @@ from __future__ import annotations
 from math import inf
 from typing import NamedTuple
 
-from shipnet.arguments import checked
 from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import pd
 
@@ -48,7 +47,6 @@ INTERFACES = {
 }
 
 
-@checked
 def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
     r"""Return which serial interfaces fit a master with its slaves, and why the others do not.
 

@@ -14,7 +14,6 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bytes, Floats, Integers
 from shipnet.errors import ArgumentError, FormError, ParityError
 from shipnet.fields import check_scalar, check_whole, choice, number, record
@@ -73,7 +72,6 @@ class SerialLine:
         """Return the time of a frame of 4..256 bytes, including unit id and CRC [s]."""
         return check_whole("size", size, RTU_BYTES + 1, RTU_BYTES + MAX_PDU) * self.character_time
 
-    @checked
     def waveform(
         self,
         frames: bytes | Sequence[bytes],
@@ -161,7 +159,6 @@ class Characters(NamedTuple):
         return self.value.tobytes()
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform:
     r"""The level of a line over time, as returned by `SerialLine.waveform`.

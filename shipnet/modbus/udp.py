@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.arrays import Floats, Integers
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole, number, record
@@ -87,7 +86,6 @@ def replies(
     return reply_to, dropped
 
 
-@checked
 def compare(
     units: Sequence[int] | Integers,
     path: LossyPath,

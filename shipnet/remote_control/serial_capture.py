@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.errors import ArgumentError, FormError, InputError, ParityError, name_of
 from shipnet.fields import check_scalar
@@ -191,7 +190,6 @@ class SerialCapture:
         return f"SerialCapture({read}, {', '.join(said) or 'no faults'})"
 
 
-@checked
 def read_capture(
     path: str | PathLike[str],
     bit_rate: float | None = None,

@@ -14,7 +14,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, number, part, record, switch, whole
 from shipnet.lazy import Axes, pd
@@ -93,7 +92,6 @@ def forwarded(source: str, target: str) -> frozenset[int]:
 # Supervision -----------------------------------------------------------------------------------
 
 
-@checked
 @record
 class Supervision:
     r"""The rule by which a silent partner is declared failed.
@@ -227,7 +225,6 @@ class Cascade(NamedTuple):
     alarm: str
 
 
-@checked
 @record
 class System:
     r"""The link of three stations: RCS polls BCS and SS in turn, over a separate line to each.

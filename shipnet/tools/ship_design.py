@@ -14,7 +14,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from shipnet import datasets
-from shipnet.arguments import checked
 from shipnet.design.catalogue import Assumptions, Range
 from shipnet.design.comparison import Comparison, compare
 from shipnet.design.designs import Design
@@ -94,7 +93,6 @@ def _examples() -> Mapping[str, str]:
 EXAMPLES = _examples()
 
 
-@checked
 @record
 class ShipDesign(Tool):
     """Comparison of ways to connect the points of a ship's I/O list.

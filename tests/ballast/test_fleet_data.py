@@ -216,7 +216,6 @@ def test_memory_does_not_grow_with_the_days(tmp_path):
         ({"idle_step": 0.5}, r"idle_step is 0\.5"),
         ({"seed": -1}, "seed is -1"),
         ({"seed": None}, "seed is None"),
-        ({"folder": None}, "folder is None"),
         ({"workers": 0}, r"workers is 0; it must be a whole number 1\.\.1024"),
     ],
 )

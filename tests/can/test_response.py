@@ -479,8 +479,6 @@ def test_empty_sets_are_accepted_and_wrong_arguments_refused():
     for rate in (999, 1_000_001, 83_333.3, math.nan, None, "125000"):
         with pytest.raises(ArgumentError, match=r"bit_rate is .*; it must be"):
             response_times(davis_messages(), rate)
-    with pytest.raises(ArgumentError, match=r"^assumptions is 1"):
-        response_times(nothing, FAST, assumptions=1)
 
 
 @pytest.mark.parametrize(
@@ -543,12 +541,6 @@ def test_results_can_be_read_by_name_and_name_the_critical_message():
     with pytest.raises(ArgumentError, match="name is 'D'; the messages are A, B, C"):
         found["D"]
     assert found.table()["load_percent"].sum() == pytest.approx(100 * (1 / 2.5 + 2 / 3.5), rel=1e-9)
-
-
-@pytest.mark.parametrize("wrong", [faults.BitErrors(1e-3), [faults.ErrorAt(1.0)], [errors(1)], ()])
-def test_an_analysis_accepts_one_bound_on_errors_only(wrong):
-    with pytest.raises(ArgumentError, match=r"faults is .*; it must be an ErrorBound or None"):
-        response_times(davis_messages(), 125e3, faults=wrong)
 
 
 # The figure.

@@ -20,7 +20,6 @@ import numpy.typing as npt
 from scipy import special
 from scipy.optimize import nnls
 
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.asi.emc.error_rates import checked_densities, decided_on
 from shipnet.asi.modulation import HALF_BIT
@@ -283,7 +282,6 @@ def _summary(parts: list[dict[str, float]]) -> dict[str, float | bool]:
     }
 
 
-@checked
 def rare_error_rates(
     waves: Waveform | Mapping[str, Waveform],
     noise_density: npt.ArrayLike,
