@@ -15,9 +15,10 @@ from shipnet.errors import ArgumentError
 from shipnet.line import Load
 from tests.support import several
 
-CABLE, SECOND, INDUCTANCE, INTERFERENCE, DUPLICATE, WEAK, SILENT, REVERSED = CAUSES = (
+CABLE, SECOND, INDUCTANCE, INTERFERENCE, DUPLICATE, WEAK, SILENT, REVERSED, POWER = CAUSES = (
     "cable too long or a stub", "second supply", "supply inductance missing or wrong",
     "interference", "duplicate address", "weak slave", "silent slave", "reversed probe",
+    "power fail",
 )  # fmt: skip
 NONE = "none"
 
@@ -105,13 +106,64 @@ def faulty(cause, seed, **options):
         options["weak"] = {plan.slaves[rng.integers(len(plan.slaves))].label: 0.0}
     if cause == INTERFERENCE:
         options["disturbance"], options["amplitude"] = interference(rng)
-    wave = plan.record(rng=rng, **options)
-    return replace(wave, u=-wave.u) if cause == REVERSED else wave
+    return distorted(plan.record(rng=rng, **options), rng, cause)
+
+
+def distorted(wave, rng, *causes):
+    """Return a record with a dip of the supply, a reversed probe or both."""
+    u = wave.u.copy()
+    if POWER in causes:
+        t, start, stop = wave.t, *(wave.t[-1] * rng.uniform([0.3, 0.6], [0.5, 0.8]))
+        low = rng.uniform(0, 15)
+        # Slaves and master stop; the supply's capacitors take 0.5 ms.
+        ramp = np.interp(t, [start, start + 0.5e-3, stop, stop + 0.5e-3], [0, 1, 1, 0])
+        u = np.where(ramp > 0, np.median(u) + ramp * (low - np.median(u)), u)
+    return replace(wave, u=-u if REVERSED in causes else u)
+
+
+def two_faults(one, other, seed):
+    """Return the record of a random line with two faults, and the slave that each concerns.
+
+    The slaves concerned are read without errors on the line that has only the fault of the line:
+    on a line whose slaves all fail, no record shows that one of them has a fault of its own.
+    """
+    rng = np.random.default_rng(seed)
+    both = {one, other}
+    options = dict(zip(("disturbance", "amplitude"), interference(rng), strict=True))
+    options = options if INTERFERENCE in both else {}
+    while True:
+        if CABLE in both:
+            plan = long_tree(rng)
+        elif SECOND in both:
+            plan = sound_tree(rng, supplies=2)
+        else:
+            plan = sound_tree(rng, **({"load": bad_load(rng)} if INDUCTANCE in both else {}))
+        if not both & {DUPLICATE, WEAK, SILENT}:
+            labels = ["", "", ""]
+            break
+        slaves = decode(noisy(plan.record(rng=rng, **options))).slaves
+        sound = slaves.index[(slaves["answers"] > 3) & (slaves["errors"] + slaves["bad_requests"] == 0)]
+        if len(sound) > 2:
+            labels = rng.permutation(sound)[:3].tolist()
+            break
+    concerned = dict(zip((DUPLICATE, WEAK, SILENT), labels, strict=True))
+    if DUPLICATE in both:
+        ends = [run.b for run in plan.cables]
+        twin = Slave(concerned[DUPLICATE], node=ends[rng.integers(len(ends))])
+        plan = replace(plan, slaves=[*plan.slaves, twin])
+    strength = {WEAK: rng.uniform(0.3, 0.45), SILENT: 0.0}
+    weak = {concerned[cause]: strength[cause] for cause in strength.keys() & both}
+    wave = plan.record(rng=rng, weak=weak, **options)
+    return noisy(distorted(wave, rng, *both)), [concerned.get(cause, "") for cause in (one, other)]
+
+
+def noisy(wave, noise=0.05):
+    """Return a record with white noise of this standard deviation [V]."""
+    return replace(wave, u=wave.u + noise * np.random.default_rng(1).standard_normal(wave.u.size))
 
 
 def named(wave, noise=0.05):
-    u = wave.u + noise * np.random.default_rng(1).standard_normal(wave.u.size)
-    found = decode(replace(wave, u=u)).causes().index
+    found = decode(noisy(wave, noise)).causes().index
     return found[0] if len(found) else NONE
 
 
