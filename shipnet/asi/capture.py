@@ -529,10 +529,11 @@ class Capture:
         fails = _power_fails(self) if cause == POWER else np.empty(0)
         if len(fails) or rows.empty:
             return float(np.max(fails[:1], initial=0.0))
-        bad = ~rows["request_error"].isin(_FINE) | ~rows["response_error"].isin(_FINE)
-        concerned = (self._asked["slave"] == slave) | (not slave)
-        sign = bad & concerned if (bad & concerned).any() else concerned
-        return float(rows["start_s"][sign].min() if sign.any() else rows["start_s"].min())
+        # The master expects no response where it searches for new slaves.
+        concerned = self._asked["slave"] == slave if slave else rows["response_error"] != NO_ANSWER
+        bad = ~rows[["request_error", "response_error"]].isin(_FINE).all(axis=1)
+        sign = concerned & bad if (concerned & bad).any() else concerned & bool(slave)
+        return float(rows["start_s"][sign if sign.any() else slice(None)].min())
 
     def counters(self) -> pd.DataFrame:
         """Return the counters that masters and analysers show, each with value, light and meaning.

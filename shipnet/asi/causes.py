@@ -142,10 +142,10 @@ def restored(
         good = every[(every.error == 0) & (every.length == REQUEST_BITS)]
         if len(good) >= len(best.start):
             begin = since + good.start
-            pulses *= np.quantile(np.abs(best.x), 0.99) / np.quantile(np.abs(pulses), 0.99)
-            best = best._replace(
-                start=begin, words=good.word, inverted=found.inverted, pulses=pulses
-            )
+            best = best._replace(start=begin, words=good.word, inverted=found.inverted)
+            if len(good):
+                scale = np.quantile(np.abs(best.x), 0.99) / np.quantile(np.abs(pulses), 0.99)
+                best = best._replace(pulses=scale * pulses)
         if len(good) > 0.8 * len(times) > 0:
             break
     return best
@@ -291,9 +291,12 @@ def line_causes(
     elif fed > 1.4:
         cause = INDUCTANCE
     elif misfit > _ECHOES + 2 * stray or c > _MOST_CAPACITANCE:
-        cause, evidence = CABLE, (
-            f"the line has {c * 1e9:.0f} nF; a legal line of 100 m has at most "
-            f"{_MOST_CAPACITANCE * 1e9:.0f} nF; echoes are {misfit:.0%} of the voltage of requests"
+        cause, evidence = (
+            CABLE,
+            (
+                f"the line has {c * 1e9:.0f} nF; a legal line of 100 m has at most "
+                f"{_MOST_CAPACITANCE * 1e9:.0f} nF; echoes are {misfit:.0%} of the voltage of requests"
+            ),
         )
     elif damped < 0.3:
         rings = 1 / (2 * np.pi * np.sqrt(inductance * c)) / 1e3

@@ -197,5 +197,15 @@ def _supply_rows(segment: Segment) -> Iterator[_Row]:
 def _signal_rows(segment: Segment) -> Iterator[_Row]:
     names = [name for name, _ in segment.listeners]
     rules = ("signal_level_least", "signal_level_most", "signal_evenness", "ringing", "reception")
+    why = {}
+    if segment.terminators:
+        ohms = ", ".join(f"{plug.resistance:g} ohm" for plug in segment.terminators)
+        why = {
+            "signal_level_least": f"terminators ({ohms}) and slaves load the line: use fewer slaves",
+            "ringing": f"terminators ({ohms}) slow the pulses' decay: use a smaller inductance",
+        }
     for rule, values in zip(rules, segment.signals()[:5], strict=True):
-        yield from ((rule, name, float(v), None, "") for name, v in zip(names, values, strict=True))
+        said = why.get(rule, "")
+        yield from (
+            (rule, name, float(v), None, said) for name, v in zip(names, values, strict=True)
+        )
