@@ -457,7 +457,8 @@ class Capture:
         length = max(1, min(len(self.wave.u), round(_MEAN / self.wave.dt)))
         whole = len(self.wave.u) // length * length
         each = parts_of(self.wave.u[:whole], 1000 * length)
-        return np.abs(np.concatenate([part.reshape(-1, length).mean(axis=1) for _, part in each]))
+        means = [part.reshape(-1, length).mean(axis=1) for _, part in each]
+        return np.asarray(np.abs(np.concatenate(means)))
 
     @property
     def supply_voltage(self) -> float:
@@ -488,10 +489,10 @@ class Capture:
         `plan`, a missing or an unexpected slave.
 
         The rules use the impedance of the line: a second supply halves its resistance and
-        inductance; a long cable or a stub adds capacitance and echoes. Of several faults that change
-        the impedance, only one is named. The impedance is less accurate if the scope is at a slave,
-        and the levels of a plan apply only to a scope at the master. The rules were derived from simulated lines and tested
-        on other simulated lines; a real line may differ.
+        inductance; a long cable or a stub adds capacitance and echoes. Only one of several faults
+        that change the impedance is named. The impedance is less accurate if the scope is at a
+        slave, and a plan's levels apply only to a scope at the master. The rules were derived from
+        simulated lines and tested on other simulated lines; a real line may differ.
 
         Examples
         --------
@@ -512,23 +513,24 @@ class Capture:
             found = _power_cause(self) + found
             usual = usual_levels(clear.slaves, plan)
             senders = sender_causes(clear.slaves, usual, clear.disturbances, clear._silences)
-            silent = [one for one in senders if one.cause == SILENT]
+            explained = set()
             # What silences most slaves is a fault of the line.
-            if found and 2 * len(silent) > len(clear._silences):
-                senders = [one for one in senders if one not in silent]
+            if found and 2 * [one.cause for one in senders].count(SILENT) > len(clear._silences):
+                explained.add(SILENT)
             # A wrong impedance explains bad telegrams, but no bursts between them.
             if {CABLE, INDUCTANCE} & {one.cause for one in found} and clear.disturbances < 2:
-                senders = [one for one in senders if one.cause != INTERFERENCE]
-            found += senders
+                explained.add(INTERFERENCE)
+            found += [one for one in senders if one.cause not in explained]
             found += plan_causes(broken, [one.slave for one in found])
         return ranked(found, broken, self.inverted)
 
     def first_sign(self, cause: str, slave: str = "") -> float:
         """Return the start of the first telegram [s] that shows a cause of `causes`."""
         rows = self.transactions
-        fails = _power_fails(self) if cause == POWER else np.empty(0)
-        if len(fails) or rows.empty:
-            return float(np.max(fails[:1], initial=0.0))
+        if cause == POWER and len(fails := _power_fails(self)):
+            return float(fails[0])
+        if rows.empty:
+            return 0.0
         # The master expects no response where it searches for new slaves.
         concerned = self._asked["slave"] == slave if slave else rows["response_error"] != NO_ANSWER
         bad = ~rows[["request_error", "response_error"]].isin(_FINE).all(axis=1)
@@ -642,11 +644,11 @@ class Capture:
 
     @cached_property
     def _clear(self) -> Capture:
-        """This capture, or that of the restored pulses if more of its telegrams can be read."""
+        """The capture of the restored pulses if more of its telegrams can be read, or this one."""
         if not len(self._restored.pulses):
             return self
         clear = decode(self._restored.pulses, self._restored.step, extended=self.extended)
-        return max(self, clear, key=_readable)
+        return max(self, clear, key=lambda one: one.telegrams / max(1, len(one.transactions)))
 
     @cached_property
     def _asked(self) -> pd.DataFrame:
@@ -660,12 +662,6 @@ class Capture:
         response = rows["response_error"]
         data = (call == "data exchange") & (rows["request_error"] == "ok") & (response != CUT_OFF)
         return _series((response == NO_ANSWER)[data], slave[data])
-
-
-def _readable(capture: Capture) -> float:
-    """Return the fraction of the telegrams that are received without errors."""
-    states = capture.transactions[["request_error", "response_error"]].to_numpy()
-    return float((states == "ok").sum() / max(1, (states != "").sum()))
 
 
 def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:

@@ -18,9 +18,9 @@ import numpy.typing as npt
 from shipnet.arrays import Complexes, Floats, Integers
 from shipnet.asi.bursts import Sampling, find_telegrams, resample
 from shipnet.asi.modulation import Modulation
+from shipnet.asi.receiver import receive
 from shipnet.asi.segment import POWER_SUPPLY
 from shipnet.asi.slave import DEVICE
-from shipnet.asi.receiver import receive
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, RESPONSES, frame
 from shipnet.lazy import pd
 
@@ -293,11 +293,9 @@ def line_causes(
     elif misfit > _ECHOES + 2 * stray or c > _MOST_CAPACITANCE:
         cause, evidence = (
             CABLE,
-            (
-                f"the line has {c * 1e9:.0f} nF; a legal line of 100 m has at most "
-                f"{_MOST_CAPACITANCE * 1e9:.0f} nF; echoes are {misfit:.0%} of the voltage of requests"
-            ),
+            f"the line has {c * 1e9:.0f} nF; a legal line of 100 m has at most ",
         )
+        evidence += f"{_MOST_CAPACITANCE * 1e9:.0f} nF; echoes are {misfit:.0%} of the requests"
     elif damped < 0.3:
         rings = 1 / (2 * np.pi * np.sqrt(inductance * c)) / 1e3
         cause, evidence = INDUCTANCE, f"{seen} and rings at {rings:.0f} kHz; {usual}"
@@ -316,12 +314,12 @@ def line_causes(
 def usual_levels(slaves: pd.DataFrame, plan: Plan | None) -> pd.Series:
     """Return the level at which each slave is expected [V]: the median of all slaves' levels.
 
-    With a plan whose slaves the master reaches without a repeater, the levels are proportional to
-    those that the plan gives at the master.
+    With a plan, the levels are proportional to those that the plan gives at the master. Slaves
+    behind a repeater count as average.
     """
     level = slaves["amplitude_V"]
     planned = pd.Series(1.0, level.index)
-    for segment in plan.segments if plan is not None else ():
+    for segment in plan.only_line("a capture") if plan is not None else ():
         if segment.masters and segment.slaves:
             names = [slave.label for slave in segment.slaves]
             nodes = [slave.node for slave in segment.slaves]
@@ -335,22 +333,16 @@ def usual_levels(slaves: pd.DataFrame, plan: Plan | None) -> pd.Series:
 def plan_causes(broken: pd.DataFrame, named: Sequence[str]) -> list[Found]:
     """Return slaves that are in the plan but do not respond, and the other way round."""
     found = []
-    for _, row in broken[broken["rule"] == "answers"].iterrows():
-        label = str(row["object"]).removeprefix("slave ")
-        if row["value"] > 0:
-            evidence = f"it responds {row['value']:.0f} times, but is not in the plan"
-            found.append(Found(UNEXPECTED, evidence, label))
-        elif label not in named:
-            evidence = "it is in the plan, but the record contains no response"
-            found.append(Found(MISSING, evidence, label))
-    return found
+    for name, count in broken.loc[broken["rule"] == "answers", ["object", "value"]].to_numpy():
+        cause, evidence = MISSING, "it is in the plan, but the record contains no response"
+        if count:
+            cause, evidence = UNEXPECTED, f"it responds {count:.0f} times, but is not in the plan"
+        found.append(Found(cause, evidence, name.removeprefix("slave ")))
+    return [one for one in found if one.cause == UNEXPECTED or one.slave not in named]
 
 
 def sender_causes(
-    slaves: pd.DataFrame,
-    usual: pd.Series,
-    bursts: int,
-    silences: Mapping[str, Sequence[int]],
+    slaves: pd.DataFrame, usual: pd.Series, bursts: int, silences: Mapping[str, Sequence[int]]
 ) -> list[Found]:
     """Return causes that affect individual slaves, and intermittent interference.
 
@@ -362,14 +354,15 @@ def sender_causes(
     found = []
     observed = slaves[(slaves["errors"] + slaves["answers"] > 1) & (slaves.index != "unknown")]
     for label, slave in observed.iterrows():
-        evidence = f"its level is {level[label]:.2f} V; {usual[label]:.2f} V would be usual"
+        height, normal = slave["amplitude_V"], usual[str(label)]
+        evidence = f"its level is {height:.2f} V; {normal:.2f} V would be usual"
         others = level.drop([label]).max()
-        if level[label] > max(_LOUDER * usual[label], 1.35 * others):
+        if height > max(_LOUDER * normal, 1.35 * others):
             evidence += (
                 f"; {int(slave['errors'])} of its responses are bad, as if two slaves responded"
             )
             found.append(Found(DUPLICATE, evidence, str(label)))
-        elif level[label] < WEAKER * usual[label]:
+        elif height < WEAKER * normal:
             found.append(Found(WEAK, evidence, str(label)))
     bad = slaves["errors"] + slaves["bad_requests"]
     named = [one.slave for one in found]

@@ -85,10 +85,9 @@ class Repeater:
 class Terminator:
     """A terminator or extension plug: a resistor in parallel with an inductor.
 
-    A capacitor in series, which blocks DC, has no effect on signals. Siemens and Bihl+Wiedemann state
-    200 m with such a device, but no maker publishes its circuit. The defaults are assumed: with them,
-    lines of up to 200 m with up to 16 slaves meet all limits for signals, and more slaves only lower
-    the signal level. A resistor alone absorbs the echo too, but the pulses then decay more slowly.
+    No maker publishes the circuit of such a device. The defaults are assumed, so that a line of the
+    makers' 200 m meets all limits for signals with up to 16 slaves; more slaves lower its signals.
+    A resistor alone also absorbs the echo, but the pulses then decay too slowly.
 
     Examples
     --------
