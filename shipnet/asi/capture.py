@@ -517,8 +517,10 @@ class Capture:
             # What silences most slaves is a fault of the line.
             if found and 2 * [one.cause for one in senders].count(SILENT) > len(clear._silences):
                 explained.add(SILENT)
-            # A wrong impedance explains bad telegrams, but no bursts between them.
-            if {CABLE, INDUCTANCE} & {one.cause for one in found} and clear.disturbances < 2:
+            # Such faults explain bad telegrams, but not a few bursts between good ones.
+            causes = {one.cause for one in found}
+            few = (5 if POWER in causes else 2) <= clear.disturbances <= clear.telegrams
+            if {CABLE, INDUCTANCE, POWER} & causes and not few:
                 explained.add(INTERFERENCE)
             found += [one for one in senders if one.cause not in explained]
             found += plan_causes(broken, [one.slave for one in found])
@@ -765,8 +767,8 @@ def _power_cause(capture: Capture) -> list[Found]:
         return [Found(POWER, why)] if len(last) > 1 and min(last) > 1 else []
     fails = _power_fails(capture)
     if len(fails):
-        when = f"first at {1e3 * fails[0]:.1f} ms"
-        why = f"the supply falls below {POWER_FAIL} V, {when}, {len(fails)} times in all"
+        why = f"the supply falls below {POWER_FAIL} V at {1e3 * fails[0]:.1f} ms"
+        why += f" and {len(fails) - 1} times later" * (len(fails) > 1)
     else:
         why = f"the supply is {volts:.1f} V; slaves need {least} V"
     return [Found(POWER, why)] if len(fails) or volts < least else []
