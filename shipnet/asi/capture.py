@@ -682,7 +682,7 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
     usual = usual_levels(slaves, plan)
     for name, *values in slaves[["amplitude_V", "weakest_pulse", "ringing", "errors"]].itertuples():
         if name != UNKNOWN:
-            low = float(np.fmax(least, WEAKER * usual[name]))
+            low = float(np.fmax(least, round(WEAKER * usual[name], 2)))
             heard.append(("response", f"slave {name}", low, most, *values))
     for kind, who, least, most, level, weakest, ringing, bad in heard:
         for what, value, low, high, unit in (
