@@ -76,17 +76,21 @@ def _marked(transactions: pd.DataFrame) -> pd.DataFrame:
 
 def _decode(arguments: argparse.Namespace) -> Answer:
     from shipnet.asi.capture import decode
+    from shipnet.asi.plan import read_plan
 
+    plan = read_plan(arguments.plan) if arguments.plan else None
+    slaves = plan.slaves if plan else ()
     capture = decode(
         arguments.file,
         channel=arguments.channel,
         sample_interval=arguments.sample_interval,
         threshold=arguments.threshold,
+        extended={slave.address for slave in slaves if slave.half},
     )
-    causes = capture.causes()
+    causes = capture.causes(plan)
     if not capture.telegrams and causes.empty:
         raise InputError(arguments.file, f"no AS-i telegram in channel {capture.wave.names[0]}")
-    rows, summary, findings = capture.transactions, capture.summary(), capture.check()
+    rows, summary, findings = capture.transactions, capture.summary(), capture.check(plan)
     counters = capture.counters()
     shown = rows.head(_ROWS).assign(start_ms=1e3 * rows["start_s"])
     titles = "".join(f"{title:>{width}}" for title, _, width, _ in _TRANSACTION)
@@ -106,7 +110,8 @@ def _decode(arguments: argparse.Namespace) -> Answer:
     lines += ["", str(findings), ""]
     for rank, (cause, slave, _, evidence) in enumerate(causes.itertuples(), 1):
         lines.append(f"probable cause {rank}: {cause} {slave}".rstrip() + f"; {evidence}")
-    start = 0.0 if rows.empty else max(0.0, float(rows["start_s"].min()) - 20e-6)
+    cause, slave = next(iter(zip(causes.index, causes["slave"], strict=True)), ("", ""))
+    start = max(0.0, capture.first_sign(cause, slave) - 20e-6)
     counts = {str(name).replace(" ", "_"): (n, "") for name, n in counters["value"].items()}
     return Answer(
         ok=findings.ok,

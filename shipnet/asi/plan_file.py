@@ -40,6 +40,7 @@ _NUMBERS: dict[str, tuple[Any, int]] = {
     "rating_a": (declared(Supply)["rating"], 0),
     "delay_us": (declared(Repeater)["delay"], -6),
     "resistance_ohm": (declared(Terminator)["resistance"], 0),
+    "inductance_uh": (declared(Terminator)["inductance"], -6),
 }
 
 _PREFIX = {0: "", -3: "m", -6: "u"}
@@ -52,7 +53,10 @@ _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]]
     "repeater": (
         Repeater, {"a": "node", "b": "to"}, {"delay": "delay_us", "current": "current_ma"},
     ),
-    "terminator": (Terminator, {"node": "node"}, {"resistance": "resistance_ohm"}),
+    "terminator": (
+        Terminator, {"node": "node"},
+        {"resistance": "resistance_ohm", "inductance": "inductance_uh"},
+    ),
     "slave": (
         Slave, {"node": "node", "label": "address"},
         {"profile": "profile", "current": "current_ma", "channels": "channels",
@@ -63,7 +67,7 @@ _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]]
 #: Columns of a plan file, in the order in which they are written.
 COLUMNS = ("kind", "node", "to", "length_m", "cable", "address", "profile", "current_ma",
            "channels", "conversion_ms", "voltage_v", "rating_a", "delay_us",
-           "resistance_ohm")  # fmt: skip
+           "resistance_ohm", "inductance_uh")  # fmt: skip
 
 
 #: Remarks on elements, by `note_key`.

@@ -48,7 +48,8 @@ def line(
     current : float, default 0.065
         Current of each slave, 0..10 [A].
     terminator : float, optional
-        Resistance of an extension plug at the far end, 1..1e6 [ohm]; no plug if omitted.
+        Resistance of a resistor at the far end, 1..1e6 [ohm]; no resistor if omitted. For a device
+        that the makers offer, add a `Terminator` to the plan.
 
     Returns
     -------
@@ -69,7 +70,7 @@ def line(
     )  # fmt: skip
     if terminator is None:
         return plan
-    return plan_of([*plan, Terminator(_node(length), terminator)])
+    return plan_of([*plan, Terminator(_node(length), terminator, inductance=1e3)])
 
 
 def star(
