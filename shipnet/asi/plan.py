@@ -33,6 +33,7 @@ from shipnet.asi.segment import (
     Segment,
     Supply,
     Terminator,
+    cycle_of,
     nodes_of,
     shortest_paths,
     structure_faults,
@@ -204,6 +205,12 @@ class Plan:
         """Segments of each line."""
         numbers = dict.fromkeys(segment.line for segment in self.segments)
         return tuple(tuple(one for one in self.segments if one.line == n) for n in numbers)
+
+    @cached_property
+    def located(self) -> list[tuple[Slave, Segment]]:
+        """Each slave with its segment."""
+        where = {id(slave): segment for segment in self.segments for slave in segment.slaves}
+        return [(slave, where[id(slave)]) for slave in self.slaves]
 
     def only(self, what: str) -> Segment:
         """Return the only segment, or raise an error that names `what` if there are several."""
@@ -380,47 +387,88 @@ class Plan:
 
     @property
     def cycle(self) -> Cycle:
-        """Polling cycle of a plan that has one line."""
-        used = self._addresses()
-        pairs = sum(number > 1 for number in used.values())
-        return Cycle(len(used) + pairs, pairs=pairs)
-
-    def _addresses(self) -> Counter[int]:
+        """Polling cycle of a plan that has one line; `cycles` has one per line."""
         self.only_line("cycle")
-        return Counter(slave.address for slave in self.slaves if slave.address)
+        return self.cycles[0]
 
-    def response_times(self, *, direction: Direction = "in") -> pd.DataFrame:
-        """Return the response times of each slave, for a one-line plan.
+    @property
+    def cycles(self) -> tuple[Cycle, ...]:
+        """Polling cycle of each line."""
+        return tuple(cycle_of(line) for line in self.lines)
+
+    def response_times(
+        self,
+        *,
+        direction: Direction = "in",
+        repetitions: int | None = None,
+        input_filter: float = 0.0,
+        gateway: float = 0.0,
+        host_cycle: float = 0.0,
+    ) -> pd.DataFrame:
+        """Return the response times of each slave.
 
         The columns `best_s`, `typical_s` and `worst_s` are computed by `Cycle.response_time`, and
-        `update_s` by `Cycle.update_time`. All four are NaN, with the reason in `why`, if the number
-        of exchanges that a profile needs for its values is unknown.
+        `update_s` by `Cycle.update_time`; both count the repeaters before each slave. All four are
+        NaN, with the reason in `why`, if the number of exchanges that a profile needs for its
+        values is unknown, or if repeaters delay a response beyond the master's time-out. The index
+        is the `slave`; in a plan of several lines it is the `line`, from 1, and the `slave`.
+
+        By default, the times are those between the slave and the AS-i master. Up to 10 s may be
+        added for the way from the switch to the program of the host, or back:
+
+        - `input_filter`: the slave's filter delays each input by this time; not for outputs. 3 ms
+          is usual (Beckhoff, EP1xxx and EJ1008 documentation).
+        - `gateway`: the longest time for which the gateway and the host's bus hold a value. For
+          PROFIBUS DP, Siemens counts two DP cycles (S7-300, CPU 31xC, 2004, p. 5-17).
+        - `host_cycle`: the host reads inputs and writes outputs once per cycle of this length;
+          Schneider's examples take 10 to 60 ms (AS-i help D-SA-0011791).
+
+        The worst case includes each in full, the typical case half of the last two, and the best
+        case only the filter. The time that the host's program takes to react must be added.
         """
-        used, cycle = self._addresses(), self.cycle
-        rows = {}
-        for slave in self.slaves:
-            asked: dict[str, Any] = {
+        waits = check_scalar("gateway", gateway, "s", 0, 10)
+        waits += check_scalar("host_cycle", host_cycle, "s", 0, 10)
+        if check_scalar("input_filter", input_filter, "s", 0, 10) and direction == "out":
+            raise ArgumentError(
+                f"input_filter is {input_filter:g} s; outputs have none, so omit it"
+            )
+        extra = input_filter + np.array([0.0, waits / 2, waits])
+        cycles, one = self.cycles, Transaction()
+        used = Counter((segment.line, slave.address) for slave, segment in self.located)
+        rows = []
+        for slave, segment in self.located:
+            cycle, delay = cycles[segment.line], segment.delay
+            polled: dict[str, Any] = {
                 "channels": slave.channels, "direction": direction,
-                "paired": used[slave.address] > 1,
+                "paired": used[segment.line, slave.address] > 1,
             }  # fmt: skip
             try:
-                renewed = cycle.update_time(slave.kind, **asked)
+                if one.master_pause * one.bit_time + 2 * delay > one.timeout * one.bit_time:
+                    raise ArgumentError("its repeaters delay responses beyond the time-out")
+                renewed = cycle.update_time(slave.kind, **polled)
             except ArgumentError as unknown:
-                rows[slave.label] = (*[np.nan] * 4, str(unknown))
+                rows.append((segment.line + 1, slave.label, *[np.nan] * 4, str(unknown)))
                 continue
-            times = cycle.response_time(slave.kind, conversion=slave.conversion, **asked)
-            rows[slave.label] = (*times, renewed, "")
+            times = cycle.response_time(
+                slave.kind, conversion=slave.conversion, delay=delay, repetitions=repetitions,
+                **polled,
+            )  # fmt: skip
+            rows.append((segment.line + 1, slave.label, *(times + extra), renewed, ""))
         columns = [*(f"{name}_s" for name in ResponseTime._fields), "update_s", "why"]
-        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
-        return table.rename_axis("slave")
+        table = pd.DataFrame(rows, columns=["line", "slave", *columns])
+        if len(cycles) == 1:
+            return table.drop(columns="line").set_index("slave")
+        return table.set_index(["line", "slave"])
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return a one-line plan's utilisation if each point needs an update every `update` [s]."""
+        """Return the busiest line's utilisation if points need an update every `update` [s]."""
         check_scalar("update", update, "s", 1e-6, 1e6)
-        times = self.response_times()
-        shares = [len(self._addresses()) / ADDRESSES, *(times["update_s"] / update)]
+        times, cycles = self.response_times(), self.cycles
+        addresses = max(cycle.addresses for cycle in cycles)
+        shares = [addresses / ADDRESSES, *(times["update_s"] / update)]
         worst = times["worst_s"].max(skipna=False)
-        return Utilisation(self.cycle.bus_time, float(np.max(shares)), float(worst))
+        busy = max(cycle.bus_time for cycle in cycles)
+        return Utilisation(busy, float(np.max(shares)), float(worst))
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the plan with cable lengths to scale; slaves that violate a rule are red crosses.

@@ -21,6 +21,7 @@ from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spec
 from shipnet.asi.receiver import TOLERANCE, Waveform, receive
 from shipnet.asi.slave import CURRENT, DEVICE, Slave
 from shipnet.asi.telegram import RESPONSES
+from shipnet.asi.timing import Cycle, Transaction, polling_cycle
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, number, part, record, text
 from shipnet.lazy import pd
@@ -254,6 +255,11 @@ class Segment:
         return sum(float(cable.length) for cable in self.cables)
 
     @property
+    def delay(self) -> float:
+        """Total delay of the repeaters on the way to the master, in one direction [s]."""
+        return sum(repeater.delay for repeater in self.path)
+
+    @property
     def draws(self) -> list[tuple[str, float]]:
         """Node and current [A] of each master, slave and repeater."""
         own: tuple[Master | Slave, ...] = (*self.masters, *self.slaves)
@@ -337,6 +343,12 @@ class Segment:
             none = np.empty(0)
             return Quality(none, none, none, none, none)
         return self.quality(nodes, RESPONSES, PROBES)
+
+
+def cycle_of(line: Iterable[Segment], transaction: Transaction | None = None) -> Cycle:
+    """Return the polling cycle of the segments of a line."""
+    slaves = [(slave.address, segment.delay) for segment in line for slave in segment.slaves]
+    return polling_cycle(slaves, transaction)
 
 
 # Connections -----------------------------------------------------------------------------------
