@@ -296,7 +296,7 @@ class Plan:
         node: str | None = None,
         *,
         dt: float = 250e-9,
-        before: float = 6.5e-6,
+        before: float | None = None,
         after: float = 18.5e-6,
     ) -> Waveform:
         """Return the signal voltages of telegrams between the master and each slave, or one `node`.
@@ -304,8 +304,9 @@ class Plan:
         `telegrams` is one telegram, or the bits of several telegrams of equal length; the default
         is all 16 responses. The voltages exclude the supply's 30 V and are the same in both
         directions. The time between samples, `dt` [s], must be 3 us divided by an integer; they
-        begin `before` [s] before the telegram and end `after` [s] after it. The plan must have one
-        segment with a master.
+        begin `before` [s] before the telegram and end `after` [s] after it. By default, `before` is
+        the usual pause in which the receiver listens: 12 us before a request, and 18 us before a
+        response. The plan must have one segment with a master.
         """
         segment = self.only("waveform")
         nodes = [node for _, node in segment.listeners] if node is None else [node]
@@ -352,18 +353,23 @@ class Plan:
         found = segment.quality([slave.node for slave in segment.slaves], RESPONSES)
         return found._replace(slaves=tuple(slave.label for slave in segment.slaves))
 
-    def error_rates(self, noise_density: float) -> pd.DataFrame:
+    def error_rates(self, noise_density: float, *, before: float | None = None) -> pd.DataFrame:
         """Return the error rates of telegrams in white noise, for a one-segment plan.
 
         The noise at every receiver has the one-sided `noise_density` [V per root hertz]. The table
         has one row per slave and receiver of `RECEIVERS`: the receiver's `minimum_V`, and the
         probability that a `request`, a `response`, or either of them (`exchange`) is not received
         correctly. What `emc.error_rate` cannot compute is NaN; `why` gives the reason.
+
+        At low noise, most errors are false starts in the silence before a telegram, whose lengths
+        are in the columns `request_silence_s` and `response_silence_s`: `before` [s], or the
+        defaults of `waveform`. A longer pause has proportionally more false starts.
         """
         from shipnet.asi.emc.error_rates import error_rate
 
         check_scalar("noise_density", noise_density, "V per root hertz", 1e-12, 1e6)
-        waves = self.waveform(PROBES), self.waveform()
+        waves = self.waveform(PROBES, before=before), self.waveform(before=before)
+        silences = [-wave.start for wave in waves]
         rows = []
         for place, slave in enumerate(self.slaves):
             own = [replace(wave, u=wave.u[place], names=()) for wave in waves]
@@ -376,8 +382,12 @@ class Plan:
                 except ArgumentError as reason:
                     request, response, why = np.nan, np.nan, str(reason)
                 exchange = request + response - request * response
-                rows.append((slave.label, name, receiver.minimum, request, response, exchange, why))
-        columns = ["slave", "receiver", "minimum_V", "request", "response", "exchange", "why"]
+                rates = request, response, exchange
+                rows.append((slave.label, name, receiver.minimum, *rates, *silences, why))
+        columns = [
+            "slave", "receiver", "minimum_V", "request", "response", "exchange",
+            "request_silence_s", "response_silence_s", "why",
+        ]  # fmt: skip
         return pd.DataFrame(rows, columns=columns).set_index(["slave", "receiver"])
 
     @property
