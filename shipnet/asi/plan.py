@@ -33,14 +33,13 @@ from shipnet.asi.segment import (
     Segment,
     Supply,
     Terminator,
-    cycle_of,
     nodes_of,
     shortest_paths,
     structure_faults,
 )
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES
-from shipnet.asi.timing import ADDRESSES, Cycle, Direction, ResponseTime, Transaction
+from shipnet.asi.timing import ADDRESSES, Cycle, Direction, ResponseTime, Transaction, polling_cycle
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
@@ -361,15 +360,13 @@ class Plan:
         probability that a `request`, a `response`, or either of them (`exchange`) is not received
         correctly. What `emc.error_rate` cannot compute is NaN; `why` gives the reason.
 
-        At low noise, most errors are false starts in the silence before a telegram, whose lengths
-        are in the columns `request_silence_s` and `response_silence_s`: `before` [s], or the
-        defaults of `waveform`. A longer pause has proportionally more false starts.
+        At low noise, most errors are false starts in the silence before a telegram, `before` [s] or
+        the default of `waveform`; see `request_silence_s` and `response_silence_s`.
         """
         from shipnet.asi.emc.error_rates import error_rate
 
         check_scalar("noise_density", noise_density, "V per root hertz", 1e-12, 1e6)
         waves = self.waveform(PROBES, before=before), self.waveform(before=before)
-        silences = [-wave.start for wave in waves]
         rows = []
         for place, slave in enumerate(self.slaves):
             own = [replace(wave, u=wave.u[place], names=()) for wave in waves]
@@ -382,13 +379,11 @@ class Plan:
                 except ArgumentError as reason:
                     request, response, why = np.nan, np.nan, str(reason)
                 exchange = request + response - request * response
-                rates = request, response, exchange
-                rows.append((slave.label, name, receiver.minimum, *rates, *silences, why))
-        columns = [
-            "slave", "receiver", "minimum_V", "request", "response", "exchange",
-            "request_silence_s", "response_silence_s", "why",
-        ]  # fmt: skip
-        return pd.DataFrame(rows, columns=columns).set_index(["slave", "receiver"])
+                rows.append((slave.label, name, receiver.minimum, request, response, exchange, why))
+        columns = ["slave", "receiver", "minimum_V", "request", "response", "exchange", "why"]
+        table = pd.DataFrame(rows, columns=columns).set_index(["slave", "receiver"])
+        silences = {"request_silence_s": -waves[0].start, "response_silence_s": -waves[1].start}
+        return table.assign(**silences)
 
     @property
     def voltages(self) -> dict[str, float]:
@@ -404,7 +399,11 @@ class Plan:
     @property
     def cycles(self) -> tuple[Cycle, ...]:
         """Polling cycle of each line."""
-        return tuple(cycle_of(line) for line in self.lines)
+        parts = [
+            [(slave.address, one.delay) for one in line for slave in one.slaves]
+            for line in self.lines
+        ]
+        return tuple(map(polling_cycle, parts))
 
     def response_times(
         self,
@@ -423,18 +422,13 @@ class Plan:
         values is unknown, or if repeaters delay a response beyond the master's time-out. The index
         is the `slave`; in a plan of several lines it is the `line`, from 1, and the `slave`.
 
-        By default, the times are those between the slave and the AS-i master. Up to 10 s may be
-        added for the way from the switch to the program of the host, or back:
-
-        - `input_filter`: the slave's filter delays each input by this time; not for outputs. 3 ms
-          is usual (Beckhoff, EP1xxx and EJ1008 documentation).
-        - `gateway`: the longest time for which the gateway and the host's bus hold a value. For
-          PROFIBUS DP, Siemens counts two DP cycles (S7-300, CPU 31xC, 2004, p. 5-17).
-        - `host_cycle`: the host reads inputs and writes outputs once per cycle of this length;
-          Schneider's examples take 10 to 60 ms (AS-i help D-SA-0011791).
-
-        The worst case includes each in full, the typical case half of the last two, and the best
-        case only the filter. The time that the host's program takes to react must be added.
+        By default, the times end at the AS-i master. Three times of up to 10 s extend them to the
+        host: the delay of the slave's `input_filter` (for inputs only; Beckhoff, EP1xxx: 3 ms), the
+        longest time that a value spends in the `gateway` and on the host's bus (PROFIBUS: two DP
+        cycles according to Siemens, CPU 31xC, 2004, p. 5-17), and the `host_cycle`, once per which
+        the host reads and writes (10 to 60 ms in Schneider's AS-i help D-SA-0011791). The worst
+        case has all in full, the typical case half of the last two, the best case only the filter.
+        What the host's program takes to react must be added.
         """
         waits = check_scalar("gateway", gateway, "s", 0, 10)
         waits += check_scalar("host_cycle", host_cycle, "s", 0, 10)
@@ -459,16 +453,13 @@ class Plan:
             except ArgumentError as unknown:
                 rows.append((segment.line + 1, slave.label, *[np.nan] * 4, str(unknown)))
                 continue
-            times = cycle.response_time(
-                slave.kind, conversion=slave.conversion, delay=delay, repetitions=repetitions,
-                **polled,
-            )  # fmt: skip
+            polled |= {"conversion": slave.conversion, "delay": delay, "repetitions": repetitions}
+            times = cycle.response_time(slave.kind, **polled)
             rows.append((segment.line + 1, slave.label, *(times + extra), renewed, ""))
         columns = [*(f"{name}_s" for name in ResponseTime._fields), "update_s", "why"]
         table = pd.DataFrame(rows, columns=["line", "slave", *columns])
-        if len(cycles) == 1:
-            return table.drop(columns="line").set_index("slave")
-        return table.set_index(["line", "slave"])
+        several = table.set_index(["line", "slave"])
+        return several.droplevel("line") if len(cycles) == 1 else several
 
     def utilisation(self, update: float) -> Utilisation:
         """Return the busiest line's utilisation if points need an update every `update` [s]."""

@@ -9,9 +9,9 @@ import numpy as np
 
 from shipnet import datasets
 from shipnet.answers import COLUMNS
-from shipnet.asi.segment import Segment, cycle_of
+from shipnet.asi.segment import Segment
 from shipnet.asi.slave import Slave
-from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Transaction
+from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Transaction, polling_cycle
 from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
 
@@ -132,7 +132,8 @@ def _line_rows(
     yield "masters", name, len(masters), None, ""
     yield "slaves", name, len(slaves), None, ""
     if wanted is not None:
-        yield "update_time", name, cycle_of(line, transaction).update_time(), wanted, ""
+        delays = [(slave.address, segment.delay) for segment in line for slave in segment.slaves]
+        yield "update_time", name, polling_cycle(delays, transaction).update_time(), wanted, ""
 
 
 def _address_rows(line: tuple[Segment, ...]) -> Iterator[_Row]:

@@ -21,7 +21,7 @@ from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spec
 from shipnet.asi.receiver import TOLERANCE, Waveform, receive
 from shipnet.asi.slave import CURRENT, DEVICE, Slave
 from shipnet.asi.telegram import RESPONSE_BITS, RESPONSES
-from shipnet.asi.timing import Cycle, Transaction, polling_cycle
+from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, number, part, record, text
 from shipnet.lazy import pd
@@ -349,12 +349,6 @@ class Segment:
             none = np.empty(0)
             return Quality(none, none, none, none, none)
         return self.quality(nodes, RESPONSES, PROBES)
-
-
-def cycle_of(line: Iterable[Segment], transaction: Transaction | None = None) -> Cycle:
-    """Return the polling cycle of the segments of a line."""
-    slaves = [(slave.address, segment.delay) for segment in line for slave in segment.slaves]
-    return polling_cycle(slaves, transaction)
 
 
 # Connections -----------------------------------------------------------------------------------

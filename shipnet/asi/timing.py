@@ -186,8 +186,8 @@ class Cycle:
     .. math:: T_c = (n - n_{pairs} + 1 + i) \, T
 
     Here T is the duration of a transaction, and the 1 is the request of the management phase.
-    Each repeater before a slave delays the slave's response twice; these `delays` are added. The
-    management request is counted as one to the farthest slave.
+    The repeaters before a slave delay each of its transactions twice: by twice its `delays`. The
+    management request may go to the farthest slave.
 
     Notes
     -----
@@ -225,9 +225,11 @@ class Cycle:
         0, 1, help="Number i of requests per cycle to find new slaves", default=1, kw_only=True
     )
     delays: tuple[tuple[float, ...], ...] = part(
-        tuple, "Total delay of the repeaters before each slave, in one direction [s], grouped by "
-        "address; by default there are no repeaters", default=(), kw_only=True,
-    )  # fmt: skip
+        tuple,
+        "One-way delays of the repeaters before the slaves [s], by address",
+        default=(),
+        kw_only=True,
+    )
 
     def __post_init__(self) -> None:
         least = max(self.slaves - ADDRESSES, 0)
@@ -384,11 +386,10 @@ def polling_cycle(
     for address, delay in slaves:
         if address:
             delays.setdefault(address, []).append(delay)
-    pairs = sum(len(group) > 1 for group in delays.values())
-    grouped = tuple(map(tuple, delays.values())) if any(map(any, delays.values())) else ()
-    return Cycle(
-        len(delays) + pairs, pairs=pairs, transaction=transaction or Transaction(), delays=grouped
-    )
+    groups = tuple(map(tuple, delays.values()))
+    pairs, delayed = sum(len(group) > 1 for group in groups), any(map(any, groups))
+    options: dict[str, Any] = {"pairs": pairs, "delays": groups if delayed else ()}
+    return Cycle(len(groups) + pairs, transaction=transaction or Transaction(), **options)
 
 
 # Values of more than four bits -----------------------------------------------------------------

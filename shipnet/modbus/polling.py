@@ -178,16 +178,12 @@ class Scan:
 
     @property
     def max_processing(self) -> float | None:
-        """Longest processing time per response that meets time-out and limit [s].
-
-        None without a limit, if the limit is exceeded, or if all slaves are dead.
-        """
-        alive = self.n_slaves - self.dead
-        if self.limit is None or not self.ok or not alive:
+        """Longest processing time per response that meets time-out and limit [s]; None if none."""
+        answers = (self.n_slaves - self.dead) * len(self.polls)
+        if self.limit is None or not self.ok or not answers:
             return None
-        left = (self.limit - self.time) / (alive * len(self.polls))
         rest = min(poll.timeout - poll.shortest_timeout for poll in self.polls)
-        return self.polls[0].processing + min(left, rest)
+        return self.polls[0].processing + min((self.limit - self.time) / answers, rest)
 
     @property
     def verdict(self) -> str:
@@ -265,9 +261,8 @@ def scan(
     character : str, default "8E1"
         Data bits, parity and stop bits.
     processing : float, default 0
-        Time that a slave takes to prepare each response, 0..3600 [s]. Take it from a record of your
-        devices: 0 is the shortest scan possible. The answer names it, and the longest processing
-        time that meets the limit.
+        Time that a slave takes to prepare each response, 0..3600 [s]; 0 is optimistic. The answer
+        names it, and the longest one that meets the limit.
     dead : int, default 0
         Number of slaves that do not answer, 0..n_slaves.
     timeout : float, default 1

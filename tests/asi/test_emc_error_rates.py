@@ -162,8 +162,8 @@ def test_small_rates_do_not_drown_in_rounding():
 def test_a_table_counts_every_telegram_and_every_check():
     table = rates_of(NEAR, Noise(), [0, 0.5, 3], 3000, rng(), matched=False)
     assert list(table.columns[:9]) == [
-        "amplitude_V", "silence_s", "telegrams", "failed", "undetected", "rate", "rate_low", "rate_high",
-        "undetected_high",
+        "amplitude_V", "silence_s", "telegrams", "failed", "undetected", "rate", "rate_low",
+        "rate_high", "undetected_high",
     ]  # fmt: skip
     assert list(table.columns[9:]) == [*CLASSES, "silence"]
     assert (table["telegrams"] == 3000).all()
