@@ -186,8 +186,8 @@ class Cycle:
     .. math:: T_c = (n - n_{pairs} + 1 + i) \, T
 
     Here T is the duration of a transaction, and the 1 is the request of the management phase.
-    The repeaters before a slave delay each of its transactions twice: by twice its `delays`. The
-    management request may go to the farthest slave.
+    Repeaters add twice the `delays` of each polled slave, and twice the longest delay for the
+    management request.
 
     Notes
     -----
@@ -331,8 +331,7 @@ class Cycle:
         Without `repetitions`, all times are those of a line without disturbances. With them, the
         worst case holds for a disturbed line on which the master repeats that many requests while
         the change waits: all slaves may be out of step, and each repetition takes the longest
-        transaction. It excludes a slave that fails in all tries of a cycle: it is polled again one
-        cycle later.
+        transaction. If all tries of a cycle fail, the slave is polled one cycle later still.
         """
         each = check_scalar("conversion", conversion, "s", 0, 1e9)
         check_scalar("delay", delay, "s", 0, 1)
