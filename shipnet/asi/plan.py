@@ -38,7 +38,7 @@ from shipnet.asi.segment import (
 )
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES
-from shipnet.asi.timing import ADDRESSES, Cycle, Direction, ResponseTime, Transaction
+from shipnet.asi.timing import ADDRESSES, Cycle, Direction, ResponseTime, Transaction, polling_cycle
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
@@ -207,6 +207,12 @@ class Plan:
         numbers = dict.fromkeys(segment.line for segment in self.segments)
         return tuple(tuple(one for one in self.segments if one.line == n) for n in numbers)
 
+    @cached_property
+    def located(self) -> list[tuple[Slave, Segment]]:
+        """Each slave with its segment."""
+        where = {id(slave): segment for segment in self.segments for slave in segment.slaves}
+        return [(slave, where[id(slave)]) for slave in self.slaves]
+
     def only(self, what: str) -> Segment:
         """Return the only segment, or raise an error that names `what` if there are several."""
         if len(self.segments) != 1:
@@ -293,7 +299,7 @@ class Plan:
         node: str | None = None,
         *,
         dt: float = 250e-9,
-        before: float = 6.5e-6,
+        before: float | None = None,
         after: float = 18.5e-6,
     ) -> Waveform:
         """Return the signal voltages of telegrams between the master and each slave, or one `node`.
@@ -301,8 +307,9 @@ class Plan:
         `telegrams` is one telegram, or the bits of several telegrams of equal length; the default
         is all 16 responses. The voltages exclude the supply's 30 V and are the same in both
         directions. The time between samples, `dt` [s], must be 3 us divided by an integer; they
-        begin `before` [s] before the telegram and end `after` [s] after it. The plan must have one
-        segment with a master.
+        begin `before` [s] before the telegram and end `after` [s] after it. By default, `before` is
+        the usual pause in which the receiver listens: 12 us before a request, and 18 us before a
+        response. The plan must have one segment with a master.
         """
         segment = self.only("waveform")
         nodes = [node for _, node in segment.listeners] if node is None else [node]
@@ -349,18 +356,21 @@ class Plan:
         found = segment.quality([slave.node for slave in segment.slaves], RESPONSES)
         return found._replace(slaves=tuple(slave.label for slave in segment.slaves))
 
-    def error_rates(self, noise_density: float) -> pd.DataFrame:
+    def error_rates(self, noise_density: float, *, before: float | None = None) -> pd.DataFrame:
         """Return the error rates of telegrams in white noise, for a one-segment plan.
 
         The noise at every receiver has the one-sided `noise_density` [V per root hertz]. The table
         has one row per slave and receiver of `RECEIVERS`: the receiver's `minimum_V`, and the
         probability that a `request`, a `response`, or either of them (`exchange`) is not received
         correctly. What `emc.error_rate` cannot compute is NaN; `why` gives the reason.
+
+        At low noise, most errors are false starts in the silence before a telegram, `before` [s] or
+        the default of `waveform`; see `request_silence_s` and `response_silence_s`.
         """
         from shipnet.asi.emc.error_rates import error_rate
 
         check_scalar("noise_density", noise_density, "V per root hertz", 1e-12, 1e6)
-        waves = self.waveform(PROBES), self.waveform()
+        waves = self.waveform(PROBES, before=before), self.waveform(before=before)
         rows = []
         for place, slave in enumerate(self.slaves):
             own = [replace(wave, u=wave.u[place], names=()) for wave in waves]
@@ -375,7 +385,9 @@ class Plan:
                 exchange = request + response - request * response
                 rows.append((slave.label, name, receiver.minimum, request, response, exchange, why))
         columns = ["slave", "receiver", "minimum_V", "request", "response", "exchange", "why"]
-        return pd.DataFrame(rows, columns=columns).set_index(["slave", "receiver"])
+        table = pd.DataFrame(rows, columns=columns).set_index(["slave", "receiver"])
+        silences = {"request_silence_s": -waves[0].start, "response_silence_s": -waves[1].start}
+        return table.assign(**silences)
 
     @property
     def voltages(self) -> dict[str, float]:
@@ -384,47 +396,84 @@ class Plan:
 
     @property
     def cycle(self) -> Cycle:
-        """Polling cycle of a plan that has one line."""
-        used = self._addresses()
-        pairs = sum(number > 1 for number in used.values())
-        return Cycle(len(used) + pairs, pairs=pairs)
-
-    def _addresses(self) -> Counter[int]:
+        """Polling cycle of a plan that has one line; `cycles` has one per line."""
         self.only_line("cycle")
-        return Counter(slave.address for slave in self.slaves if slave.address)
+        return self.cycles[0]
 
-    def response_times(self, *, direction: Direction = "in") -> pd.DataFrame:
-        """Return the response times of each slave, for a one-line plan.
+    @property
+    def cycles(self) -> tuple[Cycle, ...]:
+        """Polling cycle of each line."""
+        parts = [
+            [(slave.address, one.delay) for one in line for slave in one.slaves]
+            for line in self.lines
+        ]
+        return tuple(map(polling_cycle, parts))
+
+    def response_times(
+        self,
+        *,
+        direction: Direction = "in",
+        repetitions: int | None = None,
+        input_filter: float = 0.0,
+        gateway: float = 0.0,
+        host_cycle: float = 0.0,
+    ) -> pd.DataFrame:
+        """Return the response times of each slave.
 
         The columns `best_s`, `typical_s` and `worst_s` are computed by `Cycle.response_time`, and
-        `update_s` by `Cycle.update_time`. All four are NaN, with the reason in `why`, if the number
-        of exchanges that a profile needs for its values is unknown.
+        `update_s` by `Cycle.update_time`; both count the repeaters before each slave. All four are
+        NaN, with the reason in `why`, if the number of exchanges that a profile needs for its
+        values is unknown, or if repeaters delay a response beyond the master's time-out. The index
+        is the `slave`; in a plan of several lines it is the `line`, from 1, and the `slave`.
+
+        By default, the times end at the AS-i master. Three times of up to 10 s extend them to the
+        host: the delay of the slave's `input_filter` (for inputs only; Beckhoff, EP1xxx: 3 ms), the
+        longest time that a value spends in the `gateway` and on the host's bus (PROFIBUS: two DP
+        cycles according to Siemens, CPU 31xC, 2004, p. 5-17), and the `host_cycle`, once per which
+        the host reads and writes (10 to 60 ms in Schneider's AS-i help D-SA-0011791). The worst
+        case has all in full, the typical case half of the last two, the best case only the filter.
+        What the host's program takes to react must be added.
         """
-        used, cycle = self._addresses(), self.cycle
-        rows = {}
-        for slave in self.slaves:
-            asked: dict[str, Any] = {
+        waits = check_scalar("gateway", gateway, "s", 0, 10)
+        waits += check_scalar("host_cycle", host_cycle, "s", 0, 10)
+        if check_scalar("input_filter", input_filter, "s", 0, 10) and direction == "out":
+            raise ArgumentError(
+                f"input_filter is {input_filter:g} s; outputs have none, so omit it"
+            )
+        extra = input_filter + np.array([0.0, waits / 2, waits])
+        cycles, one = self.cycles, Transaction()
+        used = Counter((segment.line, slave.address) for slave, segment in self.located)
+        rows = []
+        for slave, segment in self.located:
+            cycle, delay = cycles[segment.line], segment.delay
+            polled: dict[str, Any] = {
                 "channels": slave.channels, "direction": direction,
-                "paired": used[slave.address] > 1,
+                "paired": used[segment.line, slave.address] > 1,
             }  # fmt: skip
             try:
-                renewed = cycle.update_time(slave.kind, **asked)
+                if one.master_pause * one.bit_time + 2 * delay > one.timeout * one.bit_time:
+                    raise ArgumentError("its repeaters delay responses beyond the time-out")
+                renewed = cycle.update_time(slave.kind, **polled)
             except ArgumentError as unknown:
-                rows[slave.label] = (*[np.nan] * 4, str(unknown))
+                rows.append((segment.line + 1, slave.label, *[np.nan] * 4, str(unknown)))
                 continue
-            times = cycle.response_time(slave.kind, conversion=slave.conversion, **asked)
-            rows[slave.label] = (*times, renewed, "")
+            polled |= {"conversion": slave.conversion, "delay": delay, "repetitions": repetitions}
+            times = cycle.response_time(slave.kind, **polled)
+            rows.append((segment.line + 1, slave.label, *(times + extra), renewed, ""))
         columns = [*(f"{name}_s" for name in ResponseTime._fields), "update_s", "why"]
-        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
-        return table.rename_axis("slave")
+        table = pd.DataFrame(rows, columns=["line", "slave", *columns])
+        several = table.set_index(["line", "slave"])
+        return several.droplevel("line") if len(cycles) == 1 else several
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return a one-line plan's utilisation if each point needs an update every `update` [s]."""
+        """Return the busiest line's utilisation if points need an update every `update` [s]."""
         check_scalar("update", update, "s", 1e-6, 1e6)
-        times = self.response_times()
-        shares = [len(self._addresses()) / ADDRESSES, *(times["update_s"] / update)]
+        times, cycles = self.response_times(), self.cycles
+        addresses = max(cycle.addresses for cycle in cycles)
+        shares = [addresses / ADDRESSES, *(times["update_s"] / update)]
         worst = times["worst_s"].max(skipna=False)
-        return Utilisation(self.cycle.bus_time, float(np.max(shares)), float(worst))
+        busy = max(cycle.bus_time for cycle in cycles)
+        return Utilisation(busy, float(np.max(shares)), float(worst))
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the plan with cable lengths to scale; slaves that violate a rule are red crosses.

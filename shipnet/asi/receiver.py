@@ -237,7 +237,7 @@ class Waveform(line_waveform.Waveform):
     >>> from shipnet.asi.topologies import line
     >>> wave = line(100, slaves=(5, 100)).waveform()
     >>> wave.u.shape, wave.names, wave.receive().within_tolerance.all().item()
-    ((2, 16, 268), ('5 m', '100 m'), True)
+    ((2, 16, 314), ('5 m', '100 m'), True)
     """
 
     bits: npt.NDArray[np.integer] = field(kw_only=True)

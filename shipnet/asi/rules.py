@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import cache
 
@@ -12,7 +11,7 @@ from shipnet import datasets
 from shipnet.answers import COLUMNS
 from shipnet.asi.segment import Segment
 from shipnet.asi.slave import Slave
-from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Cycle, Transaction
+from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Transaction, polling_cycle
 from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
 
@@ -139,10 +138,8 @@ def _line_rows(
     yield "masters", name, len(masters), None, ""
     yield "slaves", name, len(slaves), None, ""
     if wanted is not None:
-        on_address = Counter(slave.address for slave in slaves if slave.address)
-        pairs = sum(number > 1 for number in on_address.values())
-        cycle = Cycle(len(on_address) + pairs, pairs=pairs, transaction=transaction)
-        yield "update_time", name, cycle.update_time(), wanted, ""
+        delays = [(slave.address, segment.delay) for segment in line for slave in segment.slaves]
+        yield "update_time", name, polling_cycle(delays, transaction).update_time(), wanted, ""
 
 
 def _address_rows(line: tuple[Segment, ...]) -> Iterator[_Row]:
@@ -172,7 +169,7 @@ def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
     per_metre = max(float(run.made_of.delay) for run in segment.cables)
     cable = 2 * segment.reach * per_metre
     answer = _slowest_answer()
-    delay = answer + cable + 2 * sum(repeater.delay for repeater in segment.path)
+    delay = answer + cable + 2 * segment.delay
     note = ""
     if segment.path:
         room = (MASTER_PAUSE_BITS[1] * BIT_TIME - answer - cable) / (2 * len(segment.path))

@@ -20,7 +20,8 @@ from shipnet.asi.master import Master
 from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spectrum
 from shipnet.asi.receiver import TOLERANCE, Waveform, receive
 from shipnet.asi.slave import CURRENT, DEVICE, Slave
-from shipnet.asi.telegram import RESPONSES
+from shipnet.asi.telegram import RESPONSE_BITS, RESPONSES
+from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, number, part, record, text
 from shipnet.lazy import pd
@@ -257,6 +258,11 @@ class Segment:
         return sum(float(cable.length) for cable in self.cables)
 
     @property
+    def delay(self) -> float:
+        """Total delay of the repeaters on the way to the master, in one direction [s]."""
+        return sum(repeater.delay for repeater in self.path)
+
+    @property
     def draws(self) -> list[tuple[str, float]]:
         """Node and current [A] of each master, slave and repeater."""
         own: tuple[Master | Slave, ...] = (*self.masters, *self.slaves)
@@ -313,14 +319,20 @@ class Segment:
         return {node: float(np.nan_to_num(one)) for node, one in volts.items()}
 
     def waveforms(
-        self, nodes: Sequence[str], *words: Any, dt: float, before: float, after: float
+        self, nodes: Sequence[str], *words: Any, dt: float, before: float | None, after: float
     ) -> list[Waveform]:
-        """Return the voltages of telegrams between `head` and nodes, one waveform per batch."""
+        """Return the voltages of telegrams between `head` and nodes, one waveform per batch.
+
+        If `before` is None, the batches begin with the pause before the first batch's telegrams.
+        """
         if self.head is None:
             raise ArgumentError(f"{self} has no head; its line needs a master")
         if not nodes:
             raise ArgumentError(f"{self} has no slave; at least one must send or receive")
         bits = [Modulation(batch).bits for batch in words]
+        if before is None:
+            one, response = Transaction(), bits[0].shape[-1] == RESPONSE_BITS
+            before = (one.master_pause if response else one.slave_pause) * one.bit_time
         found = telegram_voltages(
             self.network, self.head, nodes, *bits, dt=dt, before=before, after=after
         )

@@ -561,13 +561,11 @@ def _check_progress(channel: Channel, begun: int) -> None:
 
 def _places_of(plan: Plan) -> list[tuple[Slave, float, float]]:
     """Return each slave with its distance from the master [m] and its total repeater delay [s]."""
-    placed = {}
-    for segment in plan.only_line("simulation"):
-        delay = sum(repeater.delay for repeater in segment.path)
-        for slave in segment.slaves:
-            away = segment.lead + segment.distances.get(slave.node, 0.0)
-            placed[id(slave)] = slave, away, delay
-    return [placed[id(slave)] for slave in plan.slaves]
+    plan.only_line("simulation")
+    return [
+        (slave, segment.lead + segment.distances.get(slave.node, 0.0), segment.delay)
+        for slave, segment in plan.located
+    ]
 
 
 def _submit(leading: list[RunningMaster], command: Command) -> None:

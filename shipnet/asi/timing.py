@@ -8,6 +8,7 @@ cycle.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache, lru_cache
 from typing import Any, Literal, NamedTuple
 
@@ -88,6 +89,11 @@ class Transaction:
         """Time from an unanswered request to the next request [bit]."""
         return REQUEST_BITS + self.timeout
 
+    @property
+    def longest(self) -> float:
+        """Time from one request to the next [s] if the slave is silent or not synchronised."""
+        return max(self.bits + self.unsynchronised, self.unanswered) * self.bit_time
+
     def check_line(self) -> None:
         """Raise ArgumentError unless the slave pause is 1 bit time to 500 us."""
         longest = LONGEST_SLAVE_PAUSE / self.bit_time
@@ -162,7 +168,7 @@ Direction = Literal["in", "out"]
 class ResponseTime(NamedTuple):
     """Time until the master receives a changed input, or the slave receives a changed output [s].
 
-    `typical` is the mean over changes at random times, on a line without repetitions.
+    `typical` is the mean over changes at random times, on a line without disturbances.
     """
 
     best: float
@@ -177,6 +183,8 @@ class Cycle:
     .. math:: T_c = (n - n_{pairs} + 1 + i) \, T
 
     Here T is the duration of a transaction, and the 1 is the request of the management phase.
+    Repeaters add twice the `delays` of each polled slave, and twice the longest delay for the
+    management request.
 
     Notes
     -----
@@ -213,6 +221,12 @@ class Cycle:
     inclusion: int = whole(
         0, 1, help="Number i of requests per cycle to find new slaves", default=1, kw_only=True
     )
+    delays: tuple[tuple[float, ...], ...] = part(
+        tuple,
+        "One-way delays of the repeaters before the slaves [s], by address",
+        default=(),
+        kw_only=True,
+    )
 
     def __post_init__(self) -> None:
         least = max(self.slaves - ADDRESSES, 0)
@@ -222,6 +236,12 @@ class Cycle:
                 f"pairs is {pairs}; for {self.slaves} slaves it must be {least}..{self.slaves // 2}"
             )
         object.__setattr__(self, "pairs", pairs)
+        if self.delays and len(self.delays) != self.addresses:
+            raise ArgumentError(
+                f"delays are for {len(self.delays)} addresses; they must be for {self.addresses}"
+            )
+        for delay in (delay for group in self.delays for delay in group):
+            check_scalar("a delay", delay, "s", 0, 1)
 
     @property
     def addresses(self) -> int:
@@ -230,8 +250,25 @@ class Cycle:
 
     @property
     def time(self) -> float:
-        """Time in which the master polls every address once [s]."""
-        return (self.addresses + 1 + self.inclusion) * self.transaction.duration
+        """Longest time in which the master polls every address once [s]."""
+        return self._cycles(1)
+
+    def _cycles(self, number: int, *, disturbed: bool = False) -> float:
+        """Return the longest duration of `number` cycles, without repetitions [s]."""
+        one = self.transaction
+        each = one.longest if disturbed else one.duration
+        # The search for a new slave; nobody answers it unless a dropped slave returns.
+        search = max(one.unanswered * one.bit_time - each, 0.0) + 2 * disturbed * self._farthest
+        cycle = (self.addresses + 1 + self.inclusion) * each + self.inclusion * search
+        # Two slaves that share an address take turns, so that an odd cycle may poll the slower one.
+        mean = sum(sum(group) / len(group) for group in self.delays)
+        slower = sum(map(max, self.delays))
+        return number * (cycle + 2 * (mean + self._farthest)) + number % 2 * 2 * (slower - mean)
+
+    @property
+    def _farthest(self) -> float:
+        """Longest delay of the repeaters before a slave [s]."""
+        return max(map(max, self.delays), default=0.0)
 
     @property
     def bus_time(self) -> float:
@@ -248,14 +285,20 @@ class Cycle:
         direction: Direction = "in",
         paired: bool | None = None,
     ) -> float:
-        """Return the time between two updates of a slave's bits or values [s].
+        """Return the longest time between two updates of a slave's bits or values [s].
 
         `response_time` describes the arguments.
         """
+        return self._cycles(self._polls(profile, channels, direction, paired))
+
+    def _polls(
+        self, profile: Profile | str, channels: int, direction: Direction, paired: bool | None
+    ) -> int:
+        """Return the number of cycles between two updates."""
         count = check_whole("channels", channels, 1, CHANNELS)
         shared = bool(self.pairs) if paired is None else paired
-        asked = (2 if shared else 1) * exchanges(profile, direction)
-        return self.time * asked * (count if transfers_values(profile) else 1)
+        polls = (2 if shared else 1) * exchanges(profile, direction)
+        return polls * (count if transfers_values(profile) else 1)
 
     def response_time(
         self,
@@ -265,31 +308,47 @@ class Cycle:
         conversion: float = CONVERSION,
         direction: Direction = "in",
         paired: bool | None = None,
-        repetitions: int = 0,
+        delay: float = 0.0,
+        repetitions: int | None = None,
     ) -> ResponseTime:
         """Return the response times to a change of an input, or of an output.
 
-        A slave with digital inputs reads them when the request ends. At best, the change comes
-        just before this moment. At worst, it comes just after that and waits for the next request
-        to the slave, one cycle later, or two if the slave shares its address (`paired`; by default,
-        if the cycle has pairs). Delays of the input itself, such as a filter's, must be added.
+        A slave with digital inputs reads them when the request ends; digital outputs are ready
+        then. At best, the change comes just before the slave reads it, or before the request to it
+        begins. At worst, it comes just after that and waits for the next request to the slave, one
+        cycle later, or two if the slave shares its address (`paired`; by default, if the cycle has
+        pairs). The repeaters before the slave add their `delay` in one direction [s].
+        `Plan.response_times` adds input filter, gateway and host.
 
         A slave whose `profile` transfers values converts its `channels` in turn, each in
         `conversion` [s], and sends the newest values in turn. At worst, the change comes just after
         a conversion, and the next value waits for a whole round of transfers. Siemens adds another
         round for synchronisation (SlimLine analogue module, manual).
 
-        Each of the `repetitions` adds one transaction to the worst case.
+        Without `repetitions`, all times are those of a line without disturbances. With them, the
+        worst case holds for a disturbed line on which the master repeats that many requests while
+        the change waits: all slaves may be out of step, and each repetition takes the longest
+        transaction. If all tries of a cycle fail, the slave is polled one cycle later still.
         """
-        late = check_whole("repetitions", repetitions, 0, 10_000) * self.transaction.duration
         each = check_scalar("conversion", conversion, "s", 0, 1e9)
-        wait = self.update_time(profile, channels=channels, direction=direction, paired=paired)
-        if transfers_values(profile):
-            known = wait / channels
-            wait += channels * each
-        else:
-            known = (self.transaction.master_pause + RESPONSE_BITS) * self.transaction.bit_time
-        return ResponseTime(known, known + wait / 2, known + wait + late)
+        check_scalar("delay", delay, "s", 0, 1)
+        one, polls = self.transaction, self._polls(profile, channels, direction, paired)
+
+        def bounds(disturbed: bool) -> tuple[float, float]:
+            wait = self._cycles(polls, disturbed=disturbed)
+            if transfers_values(profile):
+                return wait / channels, wait + channels * each
+            if direction == "out":
+                return REQUEST_BITS * one.bit_time + delay, wait
+            pause = one.master_pause + disturbed * one.unsynchronised
+            return (pause + RESPONSE_BITS) * one.bit_time + 2 * delay, wait
+
+        known, wait = bounds(disturbed=False)
+        worst = known + wait
+        if repetitions is not None:
+            count = check_whole("repetitions", repetitions, 0, 10_000)
+            worst = sum(bounds(disturbed=True)) + count * (one.longest + 2 * self._farthest)
+        return ResponseTime(known, known + wait / 2, worst)
 
 
 def cycle_time(slaves: int = ADDRESSES, **options: Any) -> float:
@@ -313,6 +372,20 @@ def cycle_time(slaves: int = ADDRESSES, **options: Any) -> float:
     0.005148
     """
     return Cycle(slaves, **options).time
+
+
+def polling_cycle(
+    slaves: Iterable[tuple[int, float]], transaction: Transaction | None = None
+) -> Cycle:
+    """Return the cycle for slaves, each with its address and the delay of its repeaters [s]."""
+    delays: dict[int, list[float]] = {}
+    for address, delay in slaves:
+        if address:
+            delays.setdefault(address, []).append(delay)
+    groups = tuple(map(tuple, delays.values()))
+    pairs, delayed = sum(len(group) > 1 for group in groups), any(map(any, groups))
+    options: dict[str, Any] = {"pairs": pairs, "delays": groups if delayed else ()}
+    return Cycle(len(groups) + pairs, transaction=transaction or Transaction(), **options)
 
 
 # Values of more than four bits -----------------------------------------------------------------

@@ -22,7 +22,7 @@ from shipnet.asi.profile import Profile
 from shipnet.asi.rules import meets, rule_limits
 from shipnet.asi.segment import Repeater, Supply
 from shipnet.asi.slave import Slave
-from shipnet.asi.timing import ADDRESSES, Cycle
+from shipnet.asi.timing import ADDRESSES, Cycle, polling_cycle
 from shipnet.asi.topologies import assign_addresses
 from shipnet.design.catalogue import cables, with_spare
 from shipnet.design.drafting import (
@@ -121,13 +121,14 @@ def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
 @lru_cache(4096)
 def response(
     profile: str, cycle: Cycle, limits: AsiLimits, *, channels: int = 1, output: bool = False,
-    paired: bool = False,
+    paired: bool = False, delay: float = 0.0,
 ) -> float:  # fmt: skip
-    """Return the worst-case response time of a point [s]."""
+    """Return the worst-case response time of a point [s]; `delay` is that of its repeaters."""
     return float(
         cycle.response_time(
             profile, channels=channels, conversion=limits.conversion, paired=paired,
-            direction="out" if output else "in", repetitions=limits.repetitions,
+            direction="out" if output else "in", delay=delay,
+            repetitions=limits.repetitions or None,
         ).worst
     )  # fmt: skip
 
@@ -209,7 +210,8 @@ class Drawn(NamedTuple):
 
     pieces: list[Piece]
     repeaters: list[tuple[str, str]]
-    depth: int
+    #: Number of repeaters between the master, node 0, and each node.
+    depths: list[int]
     reach: float
 
     @property
@@ -265,8 +267,8 @@ def draw(ways: Floats, cable: Floats, limits: AsiLimits) -> Drawn:
         pieces.append(Piece(node, str(far), (near, far), left, left / whole))
         segment.used += left
         ends[far] = str(far), segment
-    depth = max(segment.depth for _, segment in ends.values())
-    return Drawn(pieces, repeaters, depth, max(reach.values()))
+    depths = [ends[node][1].depth for node in range(len(ways))]
+    return Drawn(pieces, repeaters, depths, max(reach.values()))
 
 
 def place_supply(
@@ -350,16 +352,18 @@ def build(
         for place, (label, module) in enumerate(zip(labels, group, strict=True), 1)
     ]
     paired = {slave.address for slave in slaves if slave.half == "B"}
-    cycle = Cycle(len(group), pairs=len(paired))
+    drawn = draw(ways, cable, limits)
+    delays = [depth * Repeater.delay for depth in drawn.depths[1:]]
+    addresses = [slave.address for slave in slaves]
+    cycle = polling_cycle(zip(addresses, delays, strict=True))
     responses = [
         np.array([
             response(module.profile, cycle, limits, channels=module.channels, output="Q" in port,
-                     paired=slave.address in paired)
+                     paired=slave.address in paired, delay=delay)
             for port in module.ports
         ])
-        for module, slave in zip(group, slaves, strict=True)
+        for module, slave, delay in zip(group, slaves, delays, strict=True)
     ]  # fmt: skip
-    drawn = draw(ways, cable, limits)
     exceeded = _too_late(group, responses, need) or _too_long(drawn, limits)
     plan = None
     if exceeded is None:
@@ -380,12 +384,12 @@ def _too_late(
 
 
 def _too_long(drawn: Drawn, limits: AsiLimits) -> Exceeded | None:
-    if drawn.depth <= limits.repeaters:
+    if max(drawn.depths) <= limits.repeaters:
         return None
     reach = limits.length * (1 + limits.repeaters)
     if drawn.reach > reach:
         return Exceeded("length", drawn.reach, reach, "m")
-    return Exceeded("repeaters in series", drawn.depth, limits.repeaters, "")
+    return Exceeded("repeaters in series", max(drawn.depths), limits.repeaters, "")
 
 
 @lru_cache(1)

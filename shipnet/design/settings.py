@@ -144,7 +144,7 @@ class AsiLimits:
         0, 10, "s", "Analogue conversion time; manufacturers state 20 to 60 ms", default=0.06
     )
     repetitions: int = whole(
-        0, 1000, help="Telegram repetitions in the worst-case response time", default=1
+        0, 1000, help="Repetitions in the worst-case response time; 0: no disturbances", default=1
     )
 
 

@@ -100,7 +100,7 @@ class AsiNetwork(Tool):
         """Return the polling times, the utilisation, and the rates of repetitions and drops."""
         cycle = self.plan.cycle
         # With errors, a slave is polled up to twice per cycle; the worst case includes both polls.
-        response = cycle.response_time(repetitions=int(self.error_rate > 0))
+        response = cycle.response_time(repetitions=1 if self.error_rate else None)
         effect = independent_failures(self.error_rate, cycle).iloc[0]
         return {
             "cycle": f"{1e3 * float(cycle.time):.2f} ms",

@@ -20,7 +20,8 @@ from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.timing import Cycle, Transaction
 from shipnet.errors import ArgumentError
 
-NEAR = asi.line(100, slaves=(5, 100)).waveform(node="5 m")
+# The published rates below are for a short silence before a telegram.
+NEAR = asi.line(100, slaves=(5, 100)).waveform(node="5 m", before=6.5e-6)
 BITS = Modulation(RESPONSES).bits
 SLOT = 156e-6
 
@@ -160,11 +161,11 @@ def test_small_rates_do_not_drown_in_rounding():
 
 def test_a_table_counts_every_telegram_and_every_check():
     table = rates_of(NEAR, Noise(), [0, 0.5, 3], 3000, rng(), matched=False)
-    assert list(table.columns[:8]) == [
-        "amplitude_V", "telegrams", "failed", "undetected", "rate", "rate_low", "rate_high",
-        "undetected_high",
+    assert list(table.columns[:9]) == [
+        "amplitude_V", "silence_s", "telegrams", "failed", "undetected", "rate", "rate_low",
+        "rate_high", "undetected_high",
     ]  # fmt: skip
-    assert list(table.columns[8:]) == [*CLASSES, "silence"]
+    assert list(table.columns[9:]) == [*CLASSES, "silence"]
     assert (table["telegrams"] == 3000).all()
     assert (table["rate"] == table["failed"] / 3000).all()
     assert table["rate"].is_monotonic_increasing
@@ -277,6 +278,30 @@ def test_a_plan_has_an_error_rate_per_slave_and_receiver():
             assert row[telegram] == pytest.approx(counted, rel=1 / 3)
         both = (1 - row["request"]) * (1 - row["response"])
         assert row["exchange"] == pytest.approx(1 - both)
+
+
+def test_rates_are_those_of_the_pause_in_which_a_receiver_listens():
+    plan, proof = asi.line(100, slaves=(5, 100)), RECEIVERS["noise-proof"]
+    waves = [plan.waveform(node="5 m", before=us * 1e-6) for us in (6.5, 12, 18, 60)]
+    # An independent model of receiver and noise, with the same silences.
+    for deviation, rates in (
+        (0.3, [2.05e-9, 3.77e-9, 5.81e-9, 2.28e-8]),
+        (0.45, [2.5e-4, 4.44e-4, 6.62e-4, 2.31e-3]),
+    ):
+        density = Noise().density(deviation)
+        computed = [error_rate(wave, density, receiver=proof)[0] for wave in waves]
+        assert computed == pytest.approx(rates, rel=0.1)
+    # A master listens for 18 us before a response, and a slave for 12 us before a request.
+    assert plan.waveform().start == -18e-6 and plan.waveform(PROBES).start == -12e-6
+    table = plan.error_rates(density)
+    assert (table["request_silence_s"] == 12e-6).all()
+    assert (table["response_silence_s"] == 18e-6).all()
+    assert table.loc["1", "response"]["noise-proof"] == pytest.approx(rates[2], rel=0.1)
+    long = plan.error_rates(density, before=60e-6)
+    assert long.loc["1", "response"]["noise-proof"] == pytest.approx(rates[3], rel=0.1)
+    assert long["request_silence_s"].to_numpy() == pytest.approx(60e-6)
+    counted = count_errors(waves[3], Noise(), 0.45, 10, rng())
+    assert counted["silence_s"].item() == pytest.approx(60e-6)
 
 
 def test_exchanges_fail_as_often_on_the_simulated_line():

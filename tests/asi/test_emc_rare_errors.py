@@ -14,7 +14,8 @@ from shipnet.asi.receiver import RECEIVERS, Receiver
 from shipnet.errors import ArgumentError, InputError
 from tests.support import tolerance
 
-NEAR = asi.line(100, slaves=(5, 100)).waveform(node="5 m")
+# A short silence before the telegrams keeps the tests fast.
+NEAR = asi.line(100, slaves=(5, 100)).waveform(node="5 m", before=6.5e-6)
 PROOF, DEAF = RECEIVERS["noise-proof"], Receiver(minimum=1.3)
 DENSITY = Noise().density
 

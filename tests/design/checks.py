@@ -232,16 +232,22 @@ def check_asi(own):
         labels[device] = label
         ports[device] = [address.split()[1] for address in points["address"]]
     assert len(set(labels.values())) == len(labels) == own.row.slaves == own.count("module")
-    on_address = defaultdict(list)
-    for label in labels.values():
+    parts, before = _asi_parts(own)
+    on_address, delays = defaultdict(list), defaultdict(list)
+    for device, label in labels.items():
         number, half = re.fullmatch(r"(\d+)([AB]?)", label).groups()
         on_address[int(number)].append(half)
+        # A repeater delays a request and its response by 6 us each.
+        delays[int(number)].append(12e-6 * before[device])
     assert set(on_address) <= set(range(1, 32))
     for halves in on_address.values():
         assert sorted(halves) in ([""], ["A"], ["A", "B"])
         assert limits.shared or halves == [""]
     assert len(labels) <= (62 if limits.shared else 31)
-    cycle = 156e-6 * (len(on_address) + 2)
+    # The status request may go to the slave with the longest delay.
+    rest = 156e-6 * (len(on_address) + 2) + max(map(max, delays.values()))
+    cycle = rest + sum(map(max, delays.values()))
+    two_cycles = 2 * rest + sum(2 * sum(pair) / len(pair) for pair in delays.values())
     assert abs(own.row.cycle_ms - 1e3 * cycle) < CLOSE
     # 21 bits per exchange, management included; the search for a new slave is not answered.
     bits = 21 * (len(on_address) + 1) + 14
@@ -254,7 +260,9 @@ def check_asi(own):
         turns = 7 * len(names) if names[0][0] == "A" else 1
         if limits.shared and any(name[0] == "Q" for name in names):
             turns = 2
-        used.append(cycle * both * turns / own.need[points.index].min())
+        cycles = both * turns
+        time = cycles // 2 * two_cycles + cycles % 2 * cycle
+        used.append(time / own.need[points.index].min())
     assert abs(max(used) - own.row.capacity_used) < 1e-9
     for device, names in ports.items():
         assert len(set(names)) == len(names)
@@ -262,16 +270,15 @@ def check_asi(own):
         assert kinds["I"] <= limits.inputs and kinds["Q"] <= limits.outputs
         assert kinds["AI"] + kinds["AQ"] <= limits.channels
         assert not (kinds["AI"] + kinds["AQ"] and (len(kinds) > 1 or labels[device][-1] in "AB"))
-    parts, series = _asi_parts(own)
     assert max(parts) <= limits.length + CLOSE
     assert abs(sum(parts) - own.row.length_m) < 0.02 * len(own.trunk)
-    assert series <= limits.repeaters
+    assert max(before.values()) <= limits.repeaters
     assert own.count("supply") == len(parts)
     assert own.row.supply_current_a <= 8 and own.row.lowest_v >= 26.5 - CLOSE
 
 
 def _asi_parts(own):
-    """Return the cable of each electrical segment, and the most repeaters up to a node."""
+    """Return the cable of each electrical segment, and the number of repeaters before each node."""
     repeaters = own.devices[own.devices["kind"] == "repeater"].set_index("device")["at"]
     graph = nx.Graph()
     line = nx.Graph()
@@ -294,4 +301,4 @@ def _asi_parts(own):
         line.add_node(master)
     ways = nx.single_source_shortest_path(line, master)
     assert set(ways) >= set(own.points["device"])
-    return parts, max(sum(node in repeaters for node in way[:-1]) for way in ways.values())
+    return parts, {end: sum(node in repeaters for node in way[:-1]) for end, way in ways.items()}

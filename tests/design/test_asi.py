@@ -54,7 +54,7 @@ def test_no_segment_exceeds_its_length_and_no_cable_is_lost(hops, tree):
 )
 def test_a_long_line_has_a_repeater_every_100_m(places, depth):
     drawn = draw(between(places), between(places), LIMITS)
-    assert drawn.depth == depth == len(drawn.repeaters)
+    assert drawn.depths[-1] == max(drawn.depths) == depth == len(drawn.repeaters)
 
 
 @settings(max_examples=30)
@@ -100,14 +100,15 @@ def test_the_supply_stays_in_the_cabinet_while_the_voltage_allows_it():
 
 def test_response_times_agree_with_the_published_cycles():
     full = Cycle(31)
-    # Alone at its address: one cycle, the response and a repetition; shared: two cycles.
-    assert response("S-0.A", full, LIMITS) == pytest.approx(5.36e-3, abs=1e-5)
-    assert response("S-0.A", full, LIMITS, paired=True) == pytest.approx(10.51e-3, abs=1e-5)
+    # Alone at its address: one cycle, the response and a repetition; shared: two cycles. On a
+    # disturbed line, a transaction with a slave out of step takes 28 bit times.
+    assert response("S-0.A", full, LIMITS) == pytest.approx(5.784e-3)
+    assert response("S-0.A", full, LIMITS, paired=True) == pytest.approx(11.328e-3)
     # Nord BU0090, p. 69: at most 21 ms to an A/B slave with four outputs.
-    late = response("S-7.A.7", full, LIMITS, output=True, paired=True)
+    quick = Settings({"asi.conversion": 0, "asi.repetitions": 0}).asi
+    late = response("S-7.A.7", full, quick, output=True, paired=True)
     assert late == pytest.approx(21e-3, rel=0.02)
     # ifm: seven cycles of 5 ms per value; a round of four values, then its own value once more.
-    quick = Settings({"asi.conversion": 0, "asi.repetitions": 0}).asi
     five = Cycle(1, transaction=Transaction(bit_time=5e-3 / 3 / 26))
     assert response("S-7.3", five, quick, channels=4) == pytest.approx(5 * 35e-3)
 

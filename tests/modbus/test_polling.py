@@ -155,6 +155,25 @@ def test_a_limit_is_met_exactly_or_not():
         assert ("met" if ok else "exceeded") in found.verdict
 
 
+@given(st.integers(1, 60), st.integers(1, 300), st.integers(0, 3), st.floats(0, 0.02))
+def test_a_scan_names_the_longest_processing_time_that_meets_the_limit(n, registers, dead, now):
+    options = {"registers": registers, "dead": min(dead, n), "timeout": 0.5}
+    scan = modbus.scan(n, processing=now, limit=8.0, **options)
+    assert f" s at a processing time of {1e3 * now:g} ms, limit of 8 s" in scan.verdict
+    most = scan.max_processing
+    if most is None:
+        assert not scan.ok or options["dead"] == n
+        assert scan.verdict.endswith(("exceeded", "met"))
+        return
+    rounded = float(scan.verdict.split(" up to ")[1].removesuffix(" ms")) * 1e-3
+    assert most - 1e-4 <= rounded <= most + 1e-12
+    assert modbus.scan(n, processing=max(most - 1e-9, 0.0), limit=8.0, **options).ok
+    try:
+        assert not modbus.scan(n, processing=most + 1e-6, limit=8.0, **options).ok
+    except ArgumentError as late:
+        assert "timeout is 0.5 s" in str(late)
+
+
 def test_the_table_leaves_out_bit_rates_too_slow_for_the_time_out_and_adds_that_of_the_scan():
     # 255 bytes of 11 bits take 2.3 s at 1200 bit/s, and 0.6 s at 4800.
     found = modbus.scan(31, registers=125, bit_rate=10e3, timeout=0.5)

@@ -73,6 +73,7 @@ def _row(
     share = broken / failed if failed else np.full(broken.shape, np.nan)
     return {
         "amplitude_V": amplitude,
+        "silence_s": -wave.start,
         "telegrams": count,
         "failed": failed,
         "undetected": undetected,
@@ -207,7 +208,8 @@ def count_errors(
     Returns
     -------
     pandas.DataFrame
-        One row per amplitude, ``amplitude_V``: number of ``telegrams`` sent; ``failed``, those not
+        One row per amplitude, ``amplitude_V``: ``silence_s``, the silence before each telegram, in
+        which noise may cause a false start; number of ``telegrams`` sent; ``failed``, those not
         received as sent; ``undetected``, failures that no check found; ``rate`` of failures with
         its 95 % Clopper-Pearson interval, ``rate_low`` and ``rate_high``; ``undetected_high``,
         upper limit of the rate of undetected failures; and the fractions of the failed telegrams
@@ -220,7 +222,7 @@ def count_errors(
     >>> answers = line(100, slaves=(5,)).waveform()
     >>> counted = count_errors(answers, Impulses(count=4), [0, 2], 2000, 2024)
     >>> counted[["amplitude_V", "failed", "undetected"]].astype(int).values.tolist()
-    [[0, 0, 0], [2, 1200, 0]]
+    [[0, 0, 0], [2, 1222, 0]]
     """
     volts = np.atleast_1d(np.asarray(amplitudes))
     if volts.ndim != 1 or volts.dtype.kind not in "iuf":
@@ -247,7 +249,8 @@ def error_rate(
     Parameters
     ----------
     wave : Waveform
-        Voltage without noise; all its telegrams are equally likely.
+        Voltage without noise; all its telegrams are equally likely. False starts are counted in
+        its silence, from ``wave.start`` to 0.
     noise_density : float or array_like of float, shape (n,)
         One-sided density at the receiver, above 0 and up to 1e6 [V per root hertz]; see
         `Noise.density`. A density of 0.5 mV per root hertz is 0.71 V in a bandwidth of 2 MHz.
@@ -279,7 +282,7 @@ def error_rate(
     >>> from shipnet import asi
     >>> answers, proof = asi.line(100, slaves=(5,)).waveform(), asi.RECEIVERS["noise-proof"]
     >>> error_rate(answers, [0.283e-3, 0.495e-3], receiver=proof).round(6).tolist()
-    [2.1e-05, 0.062119]
+    [5.6e-05, 0.148445]
     """
     receiver = receiver or Receiver()
     threshold, minimum = receiver.threshold, receiver.minimum
