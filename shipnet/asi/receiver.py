@@ -420,11 +420,11 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     rows, mean = _rows(u, dt)
     _check_bit_count(n_bits)
     taps, half_bit = _pulse_shape(dt) if receiver.matched else np.ones(1), HALF_BIT / dt
-    window = int(receiver.window * half_bit + 1e-9)
+    window, near = int(receiver.window * half_bit + 1e-9), int(_REACH * half_bit) + 1
     slots, places, (peak, *heights) = listen_to_rows.run(
-        len(rows) * (2 * n_bits + 2) * (2 * window + 2), rows, mean, taps, half_bit, n_bits,
-        receiver.threshold * (1 + _EVEN), max(receiver.minimum, _LEAST) * (1 + _EVEN), window,
-        int(_REACH * half_bit) + 1, 1 + _EVEN,
+        len(rows) * (2 * near + (2 * n_bits + 2) * (2 * window + 2)), rows, mean, taps, half_bit,
+        n_bits, receiver.threshold * (1 + _EVEN), max(receiver.minimum, _LEAST) * (1 + _EVEN),
+        window, near, 1 + _EVEN,
     )  # fmt: skip
     bits, error = decided(slots, places)
     error[np.isnan(peak)] = SilenceError.code
