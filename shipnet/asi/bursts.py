@@ -329,7 +329,7 @@ def _rejoin(
 _SAMPLE, _SAMPLES = 2e-3, 8
 
 #: Maximum number of pieces that `_liveliest` compares, and of telegrams that wait for reception.
-_LOOKS, _TOGETHER = 512, 2000
+_LOOKS, _TOGETHER = 512, 1000
 
 #: Number of batches of telegrams that are merged into one.
 _PARTS = 40
@@ -475,10 +475,11 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
         fits = [few.where(few.fits & (np.cumsum(few.fits) <= 64)) for few in found]
         cut = [some for piece, few in zip(sample, fits, strict=True)
                for some in _cut(piece, few, few.bits)]  # fmt: skip
-        slots = [_heard(together, threshold).slots for _, together in _by_length(cut)]
+        received = [_heard(together, threshold) for _, together in _by_length(cut)]
+        inverted = [Pulses(-one.slots).check()[1] for one in received]
         right = {
-            sign: sum(int((Pulses(sign * some).check()[1] == 0).sum()) for some in slots)
-            for sign in (1, -1)
+            1: sum(int((one.error == 0).sum()) for one in received),
+            -1: sum(int((error == 0).sum()) for error in inverted),
         }
         # In a tie, the first pulses decide: they are negative unless the record is inverted.
         heights = sum(int(np.sign(bursts.height).sum()) for bursts in found)

@@ -410,7 +410,7 @@ class Pulses:
         """Slot that first violates each rule, or -1; the last axis has the order of `CLASSES`."""
         pulses = self._telegrams
         rows = pulses.reshape(-1, pulses.shape[-1])
-        places = violated_by_rows.run(4 * rows.size, rows)
+        places = violated_by_rows.run(rows.size, rows)
         return places.reshape(*pulses.shape[:-1], len(CLASSES))
 
     @property

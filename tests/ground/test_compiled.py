@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given, settings
 
 import shipnet
-from shipnet import Code
+from shipnet import Code, asi, can
 from shipnet.compiled import KERNELS, MANY, Kernel, compiled
 from shipnet.errors import ArgumentError
 from tests.kernels import ARGUMENTS
@@ -109,6 +109,28 @@ def test_without_numba_a_warning_comes_only_where_the_work_is_large(monkeypatch)
     assert climb.run(MANY, 7) == 7
     with pytest.warns(RuntimeWarning, match=r"numba is not installed, so climb runs as Python"):
         assert climb.run(10**9, 7) == 7
+
+
+SMALL = {
+    "the quality of 10 slaves": lambda: asi.line(100, 10).quality(),
+    "the check of a ring of 10 slaves": lambda: asi.ring(100, 10).check(),
+    "one telegram": lambda: asi.line(100, (5,)).waveform("0011001", "5 m").receive(),
+    "a record of 5 ms": lambda: asi.decode(asi.line(80, (1, 40)).record(5e-3, rng=2024)),
+    "20 cycles of 31 slaves": lambda: asi.simulate(SLAVES, cycles=20).table(),
+    "ten CAN messages": lambda: can.response_times(MESSAGES, 250e3),
+    "ten CAN messages for 1 s": lambda: can.simulate(MESSAGES, 250e3, until=1.0).table(),
+}
+SLAVES = [asi.Slave(f"{address}") for address in range(1, 32)]
+MESSAGES = can.MessageSet(can.Message(f"m{k}", k, 8, 0.02) for k in range(10))
+
+
+@pytest.mark.parametrize("job", SMALL)
+def test_small_jobs_never_wait_for_the_compiler(job, monkeypatch):
+    def wait(kernel):
+        pytest.fail(f"{kernel.plain.__name__} is compiled")
+
+    monkeypatch.setattr(Kernel, "fast", property(wait))
+    SMALL[job]()
 
 
 PROGRAM = """

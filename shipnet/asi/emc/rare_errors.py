@@ -228,6 +228,8 @@ def _draw(
     """
     totals = dict.fromkeys(("n", "w", "ww", "x", "xx", "lost", "far", "largest"), 0.0)
     n_words, n_points = how.share.shape
+    batches: list[tuple[int, Floats, Floats]] = []
+    disturbed: list[Floats] = []
     for word, count in enumerate(rng.multinomial(n, how.words)):
         shift, share = how.shift[word], how.share[word]
         for begin in range(0, int(count), _BATCH):
@@ -240,19 +242,25 @@ def _draw(
             each = share * np.exp(np.minimum(power, 600.0))
             # Probability density of this noise as drawn, divided by that of the noise as it occurs.
             ratio = 1 - share.sum() + each.sum(axis=1)
-            got = case.heard(case.filtered(case.u[word] + noise))
-            lost = (got.error != 0) | (got.bits != case.bits[word]).any(axis=1)
-            weight = 1 / (ratio * n_words * how.words[word])
-            x = np.where(lost, weight, 0.0)
-            if credit is not None:
-                credit[word] += (x / ratio) @ each
-            new = {
-                "n": size, "w": weight.sum(), "ww": weight @ weight, "x": x.sum(), "xx": x @ x,
-                "lost": lost.sum(), "far": x[ratio < 1].sum(),
-            }  # fmt: skip
-            for name, value in new.items():
-                totals[name] += float(value)
-            totals["largest"] = max(totals["largest"], float(x.max()))
+            batches.append((word, each, ratio))
+            disturbed.append(case.u[word] + noise)
+    sizes = [len(ratio) for *_, ratio in batches]
+    bits = case.bits[np.repeat([word for word, *_ in batches], sizes)]
+    got = case.heard(case.filtered(np.concatenate(disturbed)))
+    wrong = (got.error != 0) | (got.bits != bits).any(axis=1)
+    losses = np.split(wrong, np.cumsum(sizes)[:-1])
+    for (word, each, ratio), lost in zip(batches, losses, strict=True):
+        weight = 1 / (ratio * n_words * how.words[word])
+        x = np.where(lost, weight, 0.0)
+        if credit is not None:
+            credit[word] += (x / ratio) @ each
+        new = {
+            "n": len(lost), "w": weight.sum(), "ww": weight @ weight, "x": x.sum(), "xx": x @ x,
+            "lost": lost.sum(), "far": x[ratio < 1].sum(),
+        }  # fmt: skip
+        for name, value in new.items():
+            totals[name] += float(value)
+        totals["largest"] = max(totals["largest"], float(x.max()))
     return totals
 
 
