@@ -102,8 +102,8 @@ class Comparison:
     >>> from shipnet.design import IoList
     >>> points = IoList.parse("tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3")
     >>> found = points.compare((0, 0, 0), ["home runs", "AS-i", "CAN"])
-    >>> found
-    <Comparison: cheapest design that connects every point and violates no rule: home runs, 610 EUR>
+    >>> found.verdict.partition(" (")[0]
+    'home runs, 610 EUR, is the cheapest design that connects every point and violates no rule'
     >>> found.table()["conductors_at_cabinet"].to_dict()
     {'home runs': 4.0, 'AS-i': 2.0, 'CAN': 4.0}
     >>> more = found.add(found.plan("AS-i", settings={"asi.tree": False}, name="chain"))
@@ -153,11 +153,12 @@ class Comparison:
 
     def _row(self, name: str) -> dict[str, float]:
         design, figures = self.designs[name], self.quantities[name].figures
+        left_out = {"points_left_out": int((~design.points["fits"]).sum())}
         verdicts = self._checked[name].table()["verdict"].value_counts()
         most = worst(design._failures).set_index("failure")["points_lost"]
         cable = max(most.get("cut", 0), most.get("short", 0))
-        return {
-            "points_left_out": int((~design.points["fits"]).sum()),
+        row = {
+            **left_out,
             **figures["nominal"],
             "total_cost_low_eur": figures.loc["total_cost_eur", "low"],
             "total_cost_high_eur": figures.loc["total_cost_eur", "high"],
@@ -170,6 +171,7 @@ class Comparison:
             "rules_violated": int(verdicts.get("violated", 0)),
             "rules_not_verified": int(verdicts.get("not verified", 0)),
         }
+        return {**dict.fromkeys(row, np.nan), **left_out} if name in self._empty else row
 
     @staticmethod
     def _optimal(table: pd.DataFrame, columns: Sequence[str]) -> npt.NDArray[np.bool_]:
@@ -202,23 +204,86 @@ class Comparison:
         """True if at least one design connects every point and violates no rule."""
         return bool(self.meeting)
 
+    @cached_property
+    def _empty(self) -> list[str]:
+        """Names of the designs that connect no point."""
+        return [name for name, design in self.designs.items() if not design.connected]
+
     @property
     def verdict(self) -> str:
         """The result of the comparison in one line."""
-        table = self._table[self._table["points_left_out"] == 0]
-        if table.empty:
-            return "no design connects all points"
-        if self.best is None:
-            return "every design that connects all points violates a rule"
-        best, costs = self.best.name, table["total_cost_eur"]
-        said = "cheapest design that connects every point and violates no rule: "
-        said += f"{best}, {number(costs[best])} EUR"
-        if costs.min() < costs[best]:
-            least = str(costs.idxmin())
-            count, more = int(table["rules_violated"][least]), number(costs[best] - costs[least])
-            rules = f"{count} rule{'s' * (count > 1)}"
-            said += f"; {more} EUR more than {least}, which violates {rules}"
-        return said
+        costs = self._table["total_cost_eur"][self._table["points_left_out"] == 0]
+        said = []
+        if self._empty and len(self.designs) - len(self._empty) < 2:
+            ways = [f"only {name} connects points" for name in self.designs.keys() - {*self._empty}]
+            said.append(f"nothing to compare: {', '.join(ways) or 'no design connects any point'}")
+            if not self.iolist.located.any():
+                said.append("give the position of each point, as x, y, z or frame, deck and side")
+        elif costs.empty:
+            said.append("no design connects all points")
+        elif self.best is None:
+            said.append("every design that connects all points violates a rule")
+        if self.best is not None:
+            best, several = self.best.name, len(self.meeting) > 1
+            chance = f"cheapest with {_percent(self.chances[best])} probability" if several else ""
+            doubt = "; ".join(filter(None, [chance, self._unverified]))
+            said.append(
+                f"{best}, {number(costs[best])} EUR, is the {'cheapest' if several else 'only'} "
+                "design that connects every point and violates no rule"
+                f"{f' ({doubt})' if doubt else ''}"
+            )
+            if (less := costs[best] - costs.min()) > 0:
+                least = str(costs.idxmin())
+                said.append(
+                    f"{least} costs {number(less)} EUR less but violates {self._violated[least]}"
+                )
+        return "; ".join([*said, *self._remedy])
+
+    @cached_property
+    def chances(self) -> dict[str, float]:
+        """Probability, for each of `meeting`, that it is the cheapest of them.
+
+        It is the fraction of the random draws of all assumptions in which the design is the
+        cheapest.
+        """
+        if not self.meeting:
+            return {}
+        costs = np.stack([self._sample[name, "total_cost_eur"] for name in self.meeting])
+        wins = np.bincount(costs.argmin(axis=0), minlength=len(costs))
+        return dict(zip(self.meeting, (wins / wins.sum()).tolist(), strict=True))
+
+    @property
+    def _violated(self) -> dict[str, str]:
+        """The rules that each design violates, in words; designs without violations are omitted."""
+        violated = {name: checked.violated()["rule"] for name, checked in self._checked.items()}
+        return {name: _quoted(rules) for name, rules in violated.items() if len(rules)}
+
+    @property
+    def _unverified(self) -> str:
+        """How many rules the best design was not verified against, or ""."""
+        rules = self._checked[self.meeting[0]].table()
+        open_rules = rules[rules["verdict"] == "not verified"]
+        unread = int((open_rules["confirmed"] == "no").sum())
+        if not len(open_rules):
+            return ""
+        said = f"{len(open_rules)} of {len(rules)} rules not verified"
+        return f"{said}, {unread} of them unread" if unread else said
+
+    @cached_property
+    def _remedy(self) -> list[str]:
+        """At most one sentence: the doubled design, not compared, that would be the best."""
+        others = [
+            plan(self.iolist, self.site, way, settings=design.settings, rules=self.rules)
+            for name, design in self.designs.items()
+            if name in self._violated and (way := f"{name} doubled") in {*OPTIONS} - {*self.designs}
+        ]
+        best = compared(others, self.rules, self.rng).best if others else None
+        if best is None:
+            return []
+        cost = best.quantities()["total_cost_eur"]
+        if self.best is not None and cost >= self.quantities[self.best.name]["total_cost_eur"]:
+            return []
+        return [f"{best.name} would cost {number(cost)} EUR and violate no rule"]
 
     @cached_property
     def _checked(self) -> dict[str, Findings]:
@@ -258,8 +323,12 @@ class Comparison:
 
     @cached_property
     def _likely(self) -> pd.DataFrame:
+        return likely(self._sample)
+
+    @cached_property
+    def _sample(self) -> pd.DataFrame:
         # Draw from a copy of rng, so that every comparison with this rng has the same draws.
-        return likely(draw(self.designs, rng=deepcopy(self.rng)))
+        return draw(self.designs, rng=deepcopy(self.rng))
 
     def tornado(
         self, a: str | None = None, b: str | None = None, *, figure: str = "total_cost_eur"
@@ -312,14 +381,10 @@ class Comparison:
 
     def conclusions(self) -> list[str]:
         """Return the results of the comparison as sentences."""
-        said, table = [], self._table
-        for name, design in self.designs.items():
-            if left := int(table["points_left_out"][name]):
-                said.append(
-                    f"{name} leaves out {left} of {len(design.points)} points{_why(design)}."
-                )
+        table = self._table
+        said = [*_alike("leave", _left_out(self.designs)), *_alike("violate", self._violated)]
         said += _lengths(self.designs)
-        said += _prices(self.quantities, self.designs)
+        said += _alike("cost", self._limits_cost)
         said += self._safe_points
         whole = table[table["points_left_out"] == 0]
         said = [f"{self.verdict[:1].upper()}{self.verdict[1:]}.", *said]
@@ -340,7 +405,7 @@ class Comparison:
     def _safe_points(self) -> list[str]:
         """At most one sentence: where intrinsic-safety barriers are, and the alternative's cost."""
         safe = (self.iolist.points["ex"] != "").to_numpy()
-        buses = [name for name in OPTIONS[2:] if name in self.designs]
+        buses = [name for name in OPTIONS[2:] if name in {*self.designs} - {*self._empty}]
         said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
         if not safe.any() or not buses:
             return [f"{said}the cabinet."] if safe.any() else []
@@ -353,7 +418,18 @@ class Comparison:
         where, other_way = "the cabinet", "field_barriers, which connects such points to the bus"
         if onto:
             where, other_way = "its box", "home runs to barriers in the cabinet"
-        return [f"{said}{where}; {name} {_costs(more)} with {other_way}."]
+        return [f"{said}{where}; {name} costs {_than(more)} with {other_way}."]
+
+    @property
+    def _limits_cost(self) -> dict[str, str]:
+        """The cost of the rules' response limits, in words, for each design affected."""
+        costs = {name: each["total_cost_eur"] for name, each in self.quantities.items()}
+        return {
+            name: f"{_than(costs[name] - loose.quantities()['total_cost_eur'])} without the "
+            "rules' response limits"
+            for name, design in self.designs.items()
+            if (loose := design.without_limits) is not None
+        }
 
     def short(self) -> pd.DataFrame:
         """Return the most important results as text, with one column per design."""
@@ -372,7 +448,16 @@ class Comparison:
             for row in self.changes().to_dict("records")
         ]
         top = [str(self.iolist), *self.iolist.remarks, *self.remarks, *changed]
-        return "\n".join([*top, f"\n{self.short().to_string()}\n", *self.conclusions(), BANNER])
+        last = f"{BANNER} {self._assumed}"
+        return "\n".join([*top, f"\n{self.short().to_string()}\n", *self.conclusions(), last])
+
+    @property
+    def _assumed(self) -> str:
+        """How many prices, masses, hours and factors are assumed, as a sentence."""
+        used = pd.concat([each.assumptions for each in self.quantities.values()])
+        used = used.drop_duplicates("name")
+        own = int((used["status"] == "given").sum())
+        return f"{len(used) - own} of {len(used)} prices, masses, hours and factors are assumed."
 
     def __repr__(self) -> str:
         return f"<Comparison: {self.verdict}>"
@@ -515,19 +600,40 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
         )
 
 
-def _prices(quantities: Mapping[str, Quantities], designs: Mapping[str, Design]) -> Iterator[str]:
-    """Yield a sentence on the cost of the rules' response limits for each design affected."""
-    for name, design in designs.items():
-        if (loose := design.without_limits) is not None:
-            more = quantities[name]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
-            yield f"With the rules' response limits, {name} {_costs(more)} without them."
-
-
-def _costs(more: float) -> str:
-    """Return the verb phrase that compares one cost with another."""
+def _than(more: float) -> str:
+    """Return the phrase that compares one cost with another."""
     if not round(more):
-        return "costs as much as"
-    return f"costs {number(abs(more))} EUR {'less' if more < 0 else 'more'} than"
+        return "as much as"
+    return f"{number(abs(more))} EUR {'less' if more < 0 else 'more'} than"
+
+
+def _percent(probability: float) -> str:
+    """Return a probability in percent, but never as 0 or 100 %, which draws cannot show."""
+    if 0.01 <= probability <= 0.99:
+        return f"{100 * probability:.0f} %"
+    return "over 99 %" if probability > 0.5 else "less than 1 %"
+
+
+def _quoted(names: Iterable[object]) -> str:
+    """Return the first three names in quotation marks, and the number of the others."""
+    quoted = [repr(str(name)) for name in names]
+    return ", ".join(quoted[:3]) + (f" and {len(quoted) - 3} more" if len(quoted) > 3 else "")
+
+
+def _alike(verb: str, objects: Mapping[str, str]) -> Iterator[str]:
+    """Yield a sentence for each object, about the designs that share it."""
+    for what in dict.fromkeys(objects.values()):
+        names = [name for name, own in objects.items() if own == what]
+        yield f"{', '.join(names)} {verb}{'s' * (len(names) == 1)} {what}."
+
+
+def _left_out(designs: Mapping[str, Design]) -> dict[str, str]:
+    """Return how many points a design leaves out, and why, for each design that does."""
+    return {
+        name: f"out {left} of {len(design.points)} points{_why(design)}"
+        for name, design in designs.items()
+        if (left := int((~design.points["fits"]).sum()))
+    }
 
 
 def _why(design: Design) -> str:
