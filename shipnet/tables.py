@@ -90,15 +90,12 @@ class Sheet:
     unread: tuple[str, ...] = ()
 
     def also_read(self, sheets: Iterable[str]) -> Sheet:
-        """Return the sheet with a remark that names it, other sheets that were read, and the rest.
-
-        The remark is a detail if no sheet is left.
-        """
-        also = [name for name in sheets if name != self.sheet]
-        unread = tuple(name for name in self.unread if name not in also)
-        said = f"read: sheet{'s' * bool(also)} {', '.join([self.sheet, *also])}"
-        said += f"; not read: {', '.join(unread)}" if unread else ""
-        return replace(self, unread=unread, remarks=(Remark(said, detail=not unread),))
+        """Return the sheet with a remark on the sheets that were read, and those that were not."""
+        read = list(dict.fromkeys([self.sheet, *sheets]))
+        unread = tuple(name for name in self.unread if name not in read)
+        remark = f"read: sheet{'s' * (len(read) > 1)} {', '.join(read)}"
+        remark += f"; not read: {', '.join(unread)}" if unread else ""
+        return replace(self, unread=unread, remarks=(Remark(remark, detail=not unread),))
 
 
 def titled(

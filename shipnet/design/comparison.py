@@ -171,7 +171,7 @@ class Comparison:
             "rules_violated": int(verdicts.get("violated", 0)),
             "rules_not_verified": int(verdicts.get("not verified", 0)),
         }
-        return {**dict.fromkeys(row, np.nan), **left_out} if name in self._empty else row
+        return {**dict.fromkeys(row, np.nan), **left_out} if not design.connected else row
 
     @staticmethod
     def _optimal(table: pd.DataFrame, columns: Sequence[str]) -> npt.NDArray[np.bool_]:
@@ -204,48 +204,65 @@ class Comparison:
         """True if at least one design connects every point and violates no rule."""
         return bool(self.meeting)
 
-    @cached_property
-    def _empty(self) -> list[str]:
-        """Names of the designs that connect no point."""
-        return [name for name, design in self.designs.items() if not design.connected]
-
     @property
     def verdict(self) -> str:
         """The result of the comparison in one line."""
-        costs = self._table["total_cost_eur"][self._table["points_left_out"] == 0]
-        said = []
-        if self._empty and len(self.designs) - len(self._empty) < 2:
-            ways = [f"only {name} connects points" for name in self.designs.keys() - {*self._empty}]
-            said.append(f"nothing to compare: {', '.join(ways) or 'no design connects any point'}")
+        connecting = [name for name, design in self.designs.items() if design.connected]
+        parts = []
+        if len(connecting) < min(2, len(self.designs)):
+            only = "".join(f"only {name} connects points" for name in connecting)
+            parts.append(f"nothing to compare: {only or 'no design connects any point'}")
             if not self.iolist.located.any():
-                said.append("give the position of each point, as x, y, z or frame, deck and side")
-        elif costs.empty:
-            said.append("no design connects all points")
+                parts.append("give the position of each point, as x, y, z or frame, deck and side")
+        elif all(self._table["points_left_out"]):
+            parts.append("no design connects all points")
         elif self.best is None:
-            said.append("every design that connects all points violates a rule")
-        if self.best is not None:
-            best, several = self.best.name, len(self.meeting) > 1
-            chance = f"cheapest with {_percent(self.chances[best])} probability" if several else ""
-            doubt = "; ".join(filter(None, [chance, self._unverified]))
-            said.append(
-                f"{best}, {number(costs[best])} EUR, is the {'cheapest' if several else 'only'} "
-                "design that connects every point and violates no rule"
-                f"{f' ({doubt})' if doubt else ''}"
+            parts.append("every design that connects all points violates a rule")
+        return "; ".join([*parts, *self._winner, *self._remedy])
+
+    @property
+    def _winner(self) -> Iterator[str]:
+        """Phrases on the best design, with its doubts, and on a cheaper one that violates rules."""
+        if self.best is None:
+            return
+        costs = self._table["total_cost_eur"][self._table["points_left_out"] == 0]
+        best, rank, doubts = self.best.name, "only", []
+        if len(self.meeting) > 1:
+            # A random sample cannot show a probability of 0 or 1.
+            percent = f"{100 * np.clip(self.chances[best], 0.01, 0.99):.0f} %"
+            rank, doubts = "cheapest", [f"cheapest with {percent} probability"]
+        rules = self._checked[best].table()
+        not_verified = rules[rules["verdict"] == "not verified"]
+        if unread := int((not_verified["confirmed"] == "no").sum()):
+            doubts.append(
+                f"{len(not_verified)} of {len(rules)} rules not verified, {unread} unread"
             )
-            if (less := costs[best] - costs.min()) > 0:
-                least = str(costs.idxmin())
-                said.append(
-                    f"{least} costs {number(less)} EUR less but violates {self._violated[least]}"
-                )
-        return "; ".join([*said, *self._remedy])
+        elif len(not_verified):
+            doubts.append(f"{len(not_verified)} of {len(rules)} rules not verified")
+        doubt = f" ({'; '.join(doubts)})" if doubts else ""
+        which = f"the {rank} design that connects every point and violates no rule{doubt}"
+        yield f"{best}, {number(costs[best])} EUR, is {which}"
+        least = str(costs.idxmin())
+        if (less := costs[best] - costs[least]) > 0:
+            yield f"{least} costs {number(less)} EUR less but violates {self._violated[least]}"
+
+    @cached_property
+    def _remedy(self) -> list[str]:
+        """At most one phrase: a doubled bus that is not compared, but would be the best design."""
+        others = [
+            plan(self.iolist, self.site, way, settings=design.settings, rules=self.rules)
+            for name, design in self.designs.items()
+            if name in self._violated and (way := f"{name} doubled") in {*OPTIONS} - {*self.designs}
+        ]
+        best = self.add(*others).best if others else None
+        if best is None or best.name in self.designs:
+            return []
+        cost = number(best.quantities()["total_cost_eur"])
+        return [f"{best.name} would cost {cost} EUR and violate none of the rules verified"]
 
     @cached_property
     def chances(self) -> dict[str, float]:
-        """Probability, for each of `meeting`, that it is the cheapest of them.
-
-        It is the fraction of the random draws of all assumptions in which the design is the
-        cheapest.
-        """
+        """Probability that each of `meeting` is the cheapest, with assumptions drawn at random."""
         if not self.meeting:
             return {}
         costs = np.stack([self._sample[name, "total_cost_eur"] for name in self.meeting])
@@ -254,36 +271,13 @@ class Comparison:
 
     @property
     def _violated(self) -> dict[str, str]:
-        """The rules that each design violates, in words; designs without violations are omitted."""
-        violated = {name: checked.violated()["rule"] for name, checked in self._checked.items()}
-        return {name: _quoted(rules) for name, rules in violated.items() if len(rules)}
-
-    @property
-    def _unverified(self) -> str:
-        """How many rules the best design was not verified against, or ""."""
-        rules = self._checked[self.meeting[0]].table()
-        open_rules = rules[rules["verdict"] == "not verified"]
-        unread = int((open_rules["confirmed"] == "no").sum())
-        if not len(open_rules):
-            return ""
-        said = f"{len(open_rules)} of {len(rules)} rules not verified"
-        return f"{said}, {unread} of them unread" if unread else said
-
-    @cached_property
-    def _remedy(self) -> list[str]:
-        """At most one sentence: the doubled design, not compared, that would be the best."""
-        others = [
-            plan(self.iolist, self.site, way, settings=design.settings, rules=self.rules)
-            for name, design in self.designs.items()
-            if name in self._violated and (way := f"{name} doubled") in {*OPTIONS} - {*self.designs}
-        ]
-        best = compared(others, self.rules, self.rng).best if others else None
-        if best is None:
-            return []
-        cost = best.quantities()["total_cost_eur"]
-        if self.best is not None and cost >= self.quantities[self.best.name]["total_cost_eur"]:
-            return []
-        return [f"{best.name} would cost {number(cost)} EUR and violate no rule"]
+        """The first three rules that each design violates, in words, if it violates any."""
+        words = {}
+        for name, findings in self._checked.items():
+            if rules := [repr(rule) for rule in findings.violated()["rule"]]:
+                more = f" and {len(rules) - 3} more" if len(rules) > 3 else ""
+                words[name] = ", ".join(rules[:3]) + more
+        return words
 
     @cached_property
     def _checked(self) -> dict[str, Findings]:
@@ -384,7 +378,7 @@ class Comparison:
         table = self._table
         said = [*_alike("leave", _left_out(self.designs)), *_alike("violate", self._violated)]
         said += _lengths(self.designs)
-        said += _alike("cost", self._limits_cost)
+        said += _alike("cost", _limits(self.quantities, self.designs))
         said += self._safe_points
         whole = table[table["points_left_out"] == 0]
         said = [f"{self.verdict[:1].upper()}{self.verdict[1:]}.", *said]
@@ -405,7 +399,9 @@ class Comparison:
     def _safe_points(self) -> list[str]:
         """At most one sentence: where intrinsic-safety barriers are, and the alternative's cost."""
         safe = (self.iolist.points["ex"] != "").to_numpy()
-        buses = [name for name in OPTIONS[2:] if name in {*self.designs} - {*self._empty}]
+        buses = [
+            name for name in OPTIONS[2:] if name in self.designs and self.designs[name].connected
+        ]
         said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
         if not safe.any() or not buses:
             return [f"{said}the cabinet."] if safe.any() else []
@@ -419,17 +415,6 @@ class Comparison:
         if onto:
             where, other_way = "its box", "home runs to barriers in the cabinet"
         return [f"{said}{where}; {name} costs {_than(more)} with {other_way}."]
-
-    @property
-    def _limits_cost(self) -> dict[str, str]:
-        """The cost of the rules' response limits, in words, for each design affected."""
-        costs = {name: each["total_cost_eur"] for name, each in self.quantities.items()}
-        return {
-            name: f"{_than(costs[name] - loose.quantities()['total_cost_eur'])} without the "
-            "rules' response limits"
-            for name, design in self.designs.items()
-            if (loose := design.without_limits) is not None
-        }
 
     def short(self) -> pd.DataFrame:
         """Return the most important results as text, with one column per design."""
@@ -448,16 +433,11 @@ class Comparison:
             for row in self.changes().to_dict("records")
         ]
         top = [str(self.iolist), *self.iolist.remarks, *self.remarks, *changed]
-        last = f"{BANNER} {self._assumed}"
-        return "\n".join([*top, f"\n{self.short().to_string()}\n", *self.conclusions(), last])
-
-    @property
-    def _assumed(self) -> str:
-        """How many prices, masses, hours and factors are assumed, as a sentence."""
         used = pd.concat([each.assumptions for each in self.quantities.values()])
-        used = used.drop_duplicates("name")
-        own = int((used["status"] == "given").sum())
-        return f"{len(used) - own} of {len(used)} prices, masses, hours and factors are assumed."
+        status = used.drop_duplicates("name")["status"]
+        assumed = f"{(status != 'given').sum()} of {len(status)}"
+        last = f"{BANNER} {assumed} prices, masses, hours and factors are assumed."
+        return "\n".join([*top, f"\n{self.short().to_string()}\n", *self.conclusions(), last])
 
     def __repr__(self) -> str:
         return f"<Comparison: {self.verdict}>"
@@ -600,6 +580,14 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
         )
 
 
+def _limits(quantities: Mapping[str, Quantities], designs: Mapping[str, Design]) -> dict[str, str]:
+    """Return the cost of the rules' response limits, in words, for each design affected."""
+    loose = {name: each for name, design in designs.items() if (each := design.without_limits)}
+    cost = "total_cost_eur"
+    more = {name: quantities[name][cost] - loose[name].quantities()[cost] for name in loose}
+    return {name: f"{_than(more[name])} without the rules' response limits" for name in loose}
+
+
 def _than(more: float) -> str:
     """Return the phrase that compares one cost with another."""
     if not round(more):
@@ -607,23 +595,10 @@ def _than(more: float) -> str:
     return f"{number(abs(more))} EUR {'less' if more < 0 else 'more'} than"
 
 
-def _percent(probability: float) -> str:
-    """Return a probability in percent, but never as 0 or 100 %, which draws cannot show."""
-    if 0.01 <= probability <= 0.99:
-        return f"{100 * probability:.0f} %"
-    return "over 99 %" if probability > 0.5 else "less than 1 %"
-
-
-def _quoted(names: Iterable[object]) -> str:
-    """Return the first three names in quotation marks, and the number of the others."""
-    quoted = [repr(str(name)) for name in names]
-    return ", ".join(quoted[:3]) + (f" and {len(quoted) - 3} more" if len(quoted) > 3 else "")
-
-
 def _alike(verb: str, objects: Mapping[str, str]) -> Iterator[str]:
     """Yield a sentence for each object, about the designs that share it."""
     for what in dict.fromkeys(objects.values()):
-        names = [name for name, own in objects.items() if own == what]
+        names = [name for name in objects if objects[name] == what]
         yield f"{', '.join(names)} {verb}{'s' * (len(names) == 1)} {what}."
 
 

@@ -289,11 +289,8 @@ class Model:
     def figures(
         self, levels: Mapping[str, Level] | None = None, *, others: Level = "nominal"
     ) -> dict[str, Any]:
-        """Return every figure with some assumptions at `levels`, and all others at `others`.
-
-        A design that connects no point has no figures; they are NaN.
-        """
-        if not self._connected:
+        """Return every figure with some assumptions at `levels`, and all others at `others`."""
+        if not self._connected:  # the design has no figures
             return dict.fromkeys(FIGURES, nan)
         given, laid = {} if levels is None else levels, self._sums
 

@@ -525,11 +525,13 @@ def lay(
     stations: Sequence[Box],
     trunk: Backbone,
     cable: str,
-    repeaters: Sequence[int] = (),
-    *,
-    doubled: bool = False,
+    repeaters: Sequence[int],
+    doubled: bool,
 ) -> list[str]:
-    """Add the devices, trunks and feeders of a segment, and return the names of the stations."""
+    """Add the devices, trunks and feeders of a segment, and return the names of the stations.
+
+    If `doubled`, there are two lines, each with a trunk, a master and a supply of its own.
+    """
     names = [draft.device(f"{bus} {box.name}", "station", segment, box.place) for box in stations]
     places = [draft.middle, *(box.place for box in stations)]
     hops, feeder = list(pairwise(places)), cables()[draft.settings.feeder]

@@ -102,10 +102,7 @@ class _Segment(NamedTuple):
 
 
 def plan_can(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
-    """Connect points to stations in their boxes, on as few CAN segments as the limits allow.
-
-    If `doubled`, every trunk, its master and its supply are laid twice.
-    """
+    """Connect points to stations in their boxes, on as few CAN segments as the limits allow."""
     limits = draft.settings.can
     slowest = min(limits.bit_rates)
     longest = min(max(map(longest_bus, limits.bit_rates)), cables()[limits.cable].longest_m)
@@ -131,7 +128,7 @@ def plan_can(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
         assert segment is not None
         name, order = f"CAN {number}", segment.trunk.order
         ordered = [group[at] for at in order]
-        names = lay(draft, name, "CAN", ordered, segment.trunk, limits.cable, doubled=doubled)
+        names = lay(draft, name, "CAN", ordered, segment.trunk, limits.cable, (), doubled)
         device = dict(zip(order, names, strict=True))
         for identifier, (message, station, late) in enumerate(segment.messages, 1):
             for row, bit in zip(message.rows, message.bits, strict=True):
@@ -219,10 +216,7 @@ class _Loop(NamedTuple):
 
 
 def plan_modbus(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
-    """Connect points to stations in their boxes, on as few Modbus loops as the limits allow.
-
-    If `doubled`, every trunk, its master and its supply are laid twice.
-    """
+    """Connect points to stations in their boxes, on as few Modbus loops as the limits allow."""
     limits = draft.settings.modbus
 
     def alone(box: Box, length: float) -> tuple[Floats, str]:
@@ -249,14 +243,7 @@ def plan_modbus(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
         name, order = f"Modbus {number}", loop.trunk.order
         ordered = [group[place] for place in order]
         names = lay(
-            draft,
-            name,
-            "Modbus",
-            ordered,
-            loop.trunk,
-            limits.cable,
-            loop.repeaters,
-            doubled=doubled,
+            draft, name, "Modbus", ordered, loop.trunk, limits.cable, loop.repeaters, doubled
         )
         for unit, (place, device) in enumerate(zip(order, names, strict=True), 1):
             box, addresses = group[place], loop.registers[place].addresses

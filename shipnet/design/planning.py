@@ -85,16 +85,10 @@ def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
 # The options, and a mix of them -----------------------------------------------------------------
 
 _PLANNERS: Mapping[str, Callable[[Draft, Indices], None]] = MappingProxyType(
-    {
-        "home runs": plan_home_runs,
-        "junction boxes": plan_boxes,
-        "AS-i": plan_asi,
-        "CAN": plan_can,
-        "CAN doubled": partial(plan_can, doubled=True),
-        "Modbus RTU": plan_modbus,
-        "Modbus RTU doubled": partial(plan_modbus, doubled=True),
-    }
-)
+    {"home runs": plan_home_runs, "junction boxes": plan_boxes, "AS-i": plan_asi,
+     "CAN": plan_can, "CAN doubled": partial(plan_can, doubled=True),
+     "Modbus RTU": plan_modbus, "Modbus RTU doubled": partial(plan_modbus, doubled=True)}
+)  # fmt: skip
 
 #: The options: ways to connect points. AS-i has no doubled form, because a module has one port.
 OPTIONS = tuple(_PLANNERS)

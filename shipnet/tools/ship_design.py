@@ -148,9 +148,8 @@ class ShipDesign(Tool):
         "With few boxes and stations, a mix may cost more than either method alone.",
     )  # fmt: skip
     doubled: bool = switch(
-        default=True, label="two lines",
-        help="Also compare CAN and Modbus with every trunk laid twice.",
-    )  # fmt: skip
+        default=True, label="two lines", help="Also compare CAN and Modbus with doubled trunks."
+    )
     rules: str = choice(
         {name: name for name in RULE_SETS}, default="DNV", label="rules",
         help="The rules to check. A rule counts as not verified, never as met, if the "

@@ -137,7 +137,7 @@ def test_the_verdict_names_designs_without_violations_the_cheapest_first(small):
     cost = number(bad.result.quantities["CAN doubled"]["total_cost_eur"])
     assert replace(bad, doubled=False).verdict == (
         "8 points: every design that connects all points violates a rule; CAN doubled would cost "
-        f"{cost} EUR and violate no rule"
+        f"{cost} EUR and violate none of the rules verified"
     )
 
 
