@@ -210,8 +210,8 @@ class Comparison:
         connecting = [name for name, design in self.designs.items() if design.connected]
         parts = []
         if len(connecting) < min(2, len(self.designs)):
-            only = "".join(f"only {name} connects points" for name in connecting)
-            parts.append(f"nothing to compare: {only or 'no design connects any point'}")
+            only = "".join(f"only {name} can connect points" for name in connecting)
+            parts.append(f"nothing to compare: {only or 'no design can connect a point'}")
             if not self.iolist.located.any():
                 parts.append("give the position of each point, as x, y, z or frame, deck and side")
         elif all(self._table["points_left_out"]):

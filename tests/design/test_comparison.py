@@ -217,7 +217,7 @@ def test_a_list_without_positions_cannot_be_compared_and_says_what_to_give():
     found = lengths.compare(settings={"field_barriers": True})
     cost = number(found.quantities["home runs"]["total_cost_eur"])
     assert found.verdict.startswith(
-        "nothing to compare: only home runs connects points; give the position of each point, as "
+        "nothing to compare: only home runs can connect points; give the position of each point, as "
         f"x, y, z or frame, deck and side; home runs, {cost} EUR, is the only design that"
     )
     table = found.table().drop(columns=["points_left_out", "pareto"]).drop(index="home runs")
@@ -227,10 +227,11 @@ def test_a_list_without_positions_cannot_be_compared_and_says_what_to_give():
     assert short.loc["total cost [EUR]"].tolist() == [cost, *["-"] * 6]
     assert sum(said.endswith("(and 1 more).") for said in found.conclusions()) == 1
     assert "no point is connected" in repr(found.quantities["CAN"])
-    found.plot(ax=Figure().subplots())
+    bottom, top = found.plot(ax=Figure().subplots()).get_ylim()
+    assert bottom > 6.2 and top < -0.2  # every design has its row
     assert not re.search(r"\bnan\b", found.html() + str(found))
     alone = lengths.compare(None, ["CAN"], settings={"field_barriers": True})
-    assert alone.verdict.startswith("nothing to compare: no design connects any point; give the")
+    assert alone.verdict.startswith("nothing to compare: no design can connect a point; give the")
     assert not alone.ok and not re.search(r"\bnan\b", str(alone))
 
 

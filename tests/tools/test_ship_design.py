@@ -119,7 +119,7 @@ def test_a_short_update_time_leaves_points_out_and_each_reason_is_given_once():
     ticks = [t.get_text() for t in tight.plot(ax=Figure().subplots()).get_yticklabels()]
     assert f"Modbus RTU ({left['Modbus RTU']} left out)" in ticks
     only = replace(tight, **dict.fromkeys(("home_runs", "junction_boxes", "asi", "can"), False))
-    said = "8 points: nothing to compare: no design connects any point"
+    said = "8 points: nothing to compare: no design can connect a point"
     assert only.verdict == said and not only.ok
     for picture in PICTURES:
         replace(only, picture=picture).plot(ax=Figure().subplots())
