@@ -217,8 +217,8 @@ def test_a_list_without_positions_cannot_be_compared_and_says_what_to_give():
     found = lengths.compare(settings={"field_barriers": True})
     cost = number(found.quantities["home runs"]["total_cost_eur"])
     assert found.verdict.startswith(
-        "nothing to compare: only home runs can connect points; give the position of each point, as "
-        f"x, y, z or frame, deck and side; home runs, {cost} EUR, is the only design that"
+        "nothing to compare: only home runs can connect points; give the position of each point, "
+        f"as x, y, z or frame, deck and side; home runs, {cost} EUR, is the only design that"
     )
     table = found.table().drop(columns=["points_left_out", "pareto"]).drop(index="home runs")
     assert len(table) == 6 and table.isna().all(axis=None)
