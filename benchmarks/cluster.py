@@ -19,15 +19,15 @@ from shipnet.ballast.fleet import write_fleet
 TURNS = 1
 
 
-def rates(client, folder, n=250_000):
+def rates(workers, folder, n=250_000):
     waves = {"line": asi.line(100, slaves=(5,)).waveform()}
     density = asi.emc.Noise().density([0.3, 0.4])
     proof = asi.RECEIVERS["noise-proof"]
-    return rare_error_rates(waves, density, n, receiver=proof, client=client, progress=False)
+    return rare_error_rates(waves, density, n, receiver=proof, workers=workers, progress=False)
 
 
-def fleet(client, folder, valves=400, days=10):
-    return write_fleet(folder, valves, days, client=client, progress=False)
+def fleet(workers, folder, valves=400, days=10):
+    return write_fleet(folder, valves, days, workers=workers, progress=False)
 
 
 def busy(client):
@@ -51,15 +51,15 @@ def main():
                         threads_per_worker=1,
                         dashboard_address="127.0.0.1:0",
                         silence_logs=50,
-                    ) as workers,
-                    Client(workers) as client,
+                    ) as cluster,
+                    Client(cluster) as client,
                     tempfile.TemporaryDirectory() as folder,
                 ):
                     client.wait_for_workers(n)
                     for place in range(2):
-                        warm(client, f"{folder}/warm-{place}")
+                        warm(client.get_executor(pure=False).map, f"{folder}/warm-{place}")
                     before, begin = busy(client), perf_counter()
-                    results.append(job(client, f"{folder}/fleet"))
+                    results.append(job(client.get_executor(pure=False).map, f"{folder}/fleet"))
                     wall[n], after = perf_counter() - begin, busy(client)
                     cpu[n] = max(after[worker] - before[worker] for worker in after)
             assert results[0].equals(results[1])

@@ -44,11 +44,11 @@ def main():
     # The first study with worker processes also starts them.
     workers = loky.cpu_count()
     runs = {
-        "one by one": lambda: iolist.study(GRID, site, client=1, progress=False),
+        "one by one": lambda: iolist.study(GRID, site, progress=False),
         f"{workers} processes, with start-up": lambda: iolist.study(
-            GRID, site, client=workers, progress=False
+            GRID, site, workers=workers, progress=False
         ),
-        f"{workers} processes": lambda: iolist.study(GRID, site, client=workers, progress=False),
+        f"{workers} processes": lambda: iolist.study(GRID, site, workers=workers, progress=False),
     }
     print(f"{f'a study of {N} comparisons':<32}{'seconds':>10}{'faster by':>12}")
     tables, first = [], 0.0

@@ -15,6 +15,5 @@ from . import remote_control as remote_control
 from . import style as style
 from . import tools as tools
 from .compiled import Code as Code
-from .parallel import compute as compute
 
 __version__: str

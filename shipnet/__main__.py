@@ -7,12 +7,13 @@ import json
 import sys
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from importlib.resources import files
 from textwrap import shorten
 from typing import Any, NoReturn, TextIO
 
 from shipnet.answers import FORMS, Answer, check_output, encodable, printable
-from shipnet.errors import ArgumentError, InputError
+from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.lazy import pd
 
 #: Columns of the transactions on the terminal: title, name, width and digits.
@@ -38,9 +39,11 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
     from shipnet.papers.judging import Ledger, computed_text
 
     ledger = Ledger(arguments.paper)
-    counts, table = ledger.counts(), ledger.table().reset_index()
-    lines = []
+    counts = ledger.counts()
+    tables, lines = {"counts": counts.reset_index()}, []
     if not arguments.summary:
+        table = ledger.table().reset_index()
+        tables = {"claims": table, **tables}
         lines = [f"{'claim':<15}{'published':>16}  {'computed':<14}{'by':<11}{'verdict':<20}what"]
         for row in table.to_dict("records"):
             published = shorten(row["published"], 16, placeholder="..")
@@ -60,7 +63,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
         verdict=str(ledger),
         text="\n".join([*lines, counts.to_string()]),
         numbers={str(name): (int(value), "") for name, value in counts.sum().items()},
-        tables={"claims": table, "counts": counts.reset_index()},
+        tables=tables,
         draw=ledger.plot,
     )
 
@@ -73,17 +76,21 @@ def _marked(transactions: pd.DataFrame) -> pd.DataFrame:
 
 def _decode(arguments: argparse.Namespace) -> Answer:
     from shipnet.asi.capture import decode
+    from shipnet.asi.plan import read_plan
 
+    plan = read_plan(arguments.plan) if arguments.plan else None
+    slaves = plan.slaves if plan else ()
     capture = decode(
         arguments.file,
         channel=arguments.channel,
         sample_interval=arguments.sample_interval,
         threshold=arguments.threshold,
+        extended={slave.address for slave in slaves if slave.half},
     )
-    causes = capture.causes()
+    causes = capture.causes(plan)
     if not capture.telegrams and causes.empty:
         raise InputError(arguments.file, f"no AS-i telegram in channel {capture.wave.names[0]}")
-    rows, summary, findings = capture.transactions, capture.summary(), capture.check()
+    rows, summary, findings = capture.transactions, capture.summary(), capture.check(plan)
     counters = capture.counters()
     shown = rows.head(_ROWS).assign(start_ms=1e3 * rows["start_s"])
     titles = "".join(f"{title:>{width}}" for title, _, width, _ in _TRANSACTION)
@@ -103,7 +110,8 @@ def _decode(arguments: argparse.Namespace) -> Answer:
     lines += ["", str(findings), ""]
     for rank, (cause, slave, _, evidence) in enumerate(causes.itertuples(), 1):
         lines.append(f"probable cause {rank}: {cause} {slave}".rstrip() + f"; {evidence}")
-    start = 0.0 if rows.empty else max(0.0, float(rows["start_s"].min()) - 20e-6)
+    cause, slave = next(iter(zip(causes.index, causes["slave"], strict=True)), ("", ""))
+    start = max(0.0, capture.first_sign(cause, slave) - 20e-6)
     counts = {str(name).replace(" ", "_"): (n, "") for name, n in counters["value"].items()}
     return Answer(
         ok=findings.ok,
@@ -134,8 +142,7 @@ def _answer(
     """Return an Answer with `text` (default: the verdict) and the non-empty tables as its text."""
     look: dict[str, Any] = {"index": False, "na_rep": "-", "max_rows": _ROWS}
     blocks = [
-        f"{name.replace('_', ' ')}:\n"
-        + table.round(3).to_string(formatters={"arbitration_id": "0x{:X}".format}, **look)
+        f"{name.replace('_', ' ')}:\n" + table.round(3).to_string(**look)
         for name, table in tables.items()
         if len(table) and name != "findings"
     ]
@@ -160,6 +167,8 @@ def _can(arguments: argparse.Namespace) -> Answer:
 
     if arguments.log and arguments.rates:
         raise ArgumentError("--log and --rates cannot be combined")
+    if arguments.pgn and not arguments.log:
+        raise ArgumentError("--pgn requires --log")
     for words in arguments.column:
         if "=" not in words:
             raise ArgumentError(f"--column is {words!r}; it must be TITLE=NAME")
@@ -171,7 +180,7 @@ def _can(arguments: argparse.Namespace) -> Answer:
     )
     left_out = pd.DataFrame({"fault": messages.overlooked})
     if arguments.log:
-        compared = compare(messages, arguments.log)
+        compared = compare(messages, arguments.log, pgn=arguments.pgn)
         table = compared.table().reset_index()
         counts = table["verdict"].value_counts().items()
         numbers = {str(verdict): (int(count), "") for verdict, count in counts}
@@ -183,12 +192,15 @@ def _can(arguments: argparse.Namespace) -> Answer:
         "bit_rate_of_responses": (found.at_lowest.bit_rate, "bit/s"),
         "bus_time": (found.at_lowest.utilisation().bus_time, "1"),
     }
+    observed = pd.DataFrame() if messages.observed is None else messages.observed
     gains = found.lowest_in_best_order < found.lowest
     order = found.best.messages.table().reset_index()[["name", "arbitration_id"]]
     return _answer(
         found,
         rates,
+        f"{found.verdict}\nresponse times are at {found.at_lowest.bit_rate / 1e3:g} kbit/s",
         bit_rates=found.table().reset_index(),
+        messages_of_log=observed.reset_index(),
         responses=found.at_lowest.table().reset_index(),
         best_order=order if gains else order[:0],
         left_out=left_out,
@@ -259,7 +271,7 @@ def _serve(arguments: argparse.Namespace) -> None:
     n_valves = check_whole("--valves", arguments.valves, 1, 247)
     check_whole("--port", arguments.port, 0, 0xFFFF)
     check_scalar("--speed", arguments.speed, "", 0, 1e4)
-    check_scalar("--bit-rate", arguments.bit_rate, "bit/s", 50, 10e6)
+    check_scalar("--bit-rate", arguments.bit_rate, "bit/s", 300, 10e6)
     if arguments.watchdog is not None:
         check_scalar("--watchdog", arguments.watchdog, "s", 0.1, 3600)
 
@@ -327,15 +339,26 @@ def _grade(arguments: argparse.Namespace) -> Answer:
 def _fleet(arguments: argparse.Namespace) -> None:
     from shipnet.ballast.fleet import write_fleet
 
-    found = write_fleet(
-        arguments.out,
-        arguments.valves,
-        arguments.days,
-        faults_per_year=arguments.faults,
-        seed=arguments.seed,
-        client=arguments.scheduler,
-    )
-    valves, faults, samples, strokes, size = found.sum().tolist()
+    with ExitStack() as stack:
+        workers: Any = arguments.workers
+        if arguments.scheduler:
+            distributed = load_extra("distributed", "distributed")
+            try:
+                client = stack.enter_context(distributed.Client(arguments.scheduler, timeout=10))
+            except (OSError, ValueError) as problem:
+                raise ArgumentError(
+                    f"--scheduler is {arguments.scheduler!r}; no scheduler responds there"
+                ) from problem
+            workers = client.get_executor().map
+        blocks = write_fleet(
+            arguments.out,
+            arguments.valves,
+            arguments.days,
+            faults_per_year=arguments.faults,
+            seed=arguments.seed,
+            workers=workers,
+        )
+    valves, faults, samples, strokes, size = blocks.sum().tolist()
     _print(
         f"{valves} valves, {arguments.days} days, {faults} faults, {samples} samples, {strokes} "
         f"strokes: {size / 1e6:.1f} MB of synthetic data in {arguments.out}"

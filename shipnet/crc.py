@@ -17,6 +17,7 @@ from shipnet.errors import ArgumentError, SymbolError
 from shipnet.fields import check_whole, record, switch, text, whole
 
 __all__ = ["CAN", "MODBUS", "Crc"]
+__dir__ = __all__.copy
 
 
 def shift_bits(

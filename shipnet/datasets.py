@@ -5,11 +5,11 @@ from __future__ import annotations
 from difflib import get_close_matches
 from pathlib import Path
 
-from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError
 from shipnet.lazy import pd
 
 __all__ = ["names", "path", "read"]
+__dir__ = __all__.copy
 
 _PACKAGE = Path(__file__).resolve().parent
 
@@ -38,7 +38,6 @@ def names() -> list[str]:
     return sorted(file.name for file in _folder().iterdir() if file.suffix in _KINDS)
 
 
-@checked
 def path(name: str) -> Path:
     """Return the path of a data file.
 
@@ -68,7 +67,6 @@ def path(name: str) -> Path:
     return _folder() / name
 
 
-@checked
 def read(name: str) -> pd.DataFrame:
     """Return a data file as a table of strings; empty cells become empty strings.
 

@@ -14,6 +14,7 @@ __all__ = [
     "MismatchError", "ParityError", "PauseError", "SilenceError", "StartBitError", "StuffError",
     "SymbolError", "UnknownCallError", "load_extra", "name_of",
 ]  # fmt: skip
+__dir__ = __all__.copy
 
 #: Maximum lengths of a fault, a message and a quoted value [characters]; the middle of longer ones
 #: is left out.

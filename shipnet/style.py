@@ -11,10 +11,10 @@ from collections.abc import Callable
 from importlib.resources import as_file, files
 from typing import Any
 
-from shipnet.arguments import checked
 from shipnet.lazy import Axes, pd
 
 __all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "use"]
+__dir__ = __all__.copy
 
 PAPER = {"color": "0.45", "linestyle": "--"}
 LIMIT = {"color": "#c0392b", "linestyle": "--"}
@@ -54,7 +54,6 @@ def use() -> None:
         set_matplotlib_formats("retina")  # type: ignore[no-untyped-call]
 
 
-@checked
 def axes(ax: Axes | None = None, **options: Any) -> Axes:
     """Return `ax`, or the axes of a new figure; `options` are those of `pyplot.subplots`."""
     if ax is None:
@@ -62,6 +61,14 @@ def axes(ax: Axes | None = None, **options: Any) -> Axes:
 
         _, ax = plt.subplots(layout="constrained", **options)
     return ax
+
+
+def size(names: int) -> tuple[float, float]:
+    """Return the size of a figure with a number of names on its y axis [inch]."""
+    import matplotlib as mpl
+
+    width, height = mpl.rcParams["figure.figsize"]
+    return width, max(height, 1 + 1.4 * mpl.rcParams["font.size"] / 72 * names)
 
 
 def limit(ax: Axes, level: float, name: str) -> None:
@@ -88,7 +95,6 @@ def logarithmic(axis: Any) -> None:
     axis.set_ticks([], minor=True)
 
 
-@checked
 def box(
     ax: Axes, x: float, y: float, width: float, height: float, text: str = "", **look: Any
 ) -> None:
@@ -100,7 +106,6 @@ def box(
         ax.text(x + width / 2, y + height / 2, text, ha="center", va="center", zorder=3)
 
 
-@checked
 def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
     """Set the limits of axes and hide their ticks, grid and frame."""
     ax.set(xlim=x, ylim=y, xticks=[], yticks=[])
@@ -117,5 +122,7 @@ def save(draw: Callable[[Axes], object], file: str) -> None:
     with mpl.rc_context():
         use()
         figure = Figure(figsize=(10, 3.2), layout="constrained")
-        draw(figure.subplots())
+        ax = figure.subplots()
+        draw(ax)
+        figure.set_figheight(size(len(ax.get_yticks()))[1])
         figure.savefig(file, dpi=150)

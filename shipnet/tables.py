@@ -25,7 +25,7 @@ from typing import Any
 from xml.etree import ElementTree
 from zipfile import ZipFile
 
-from shipnet.errors import InputError, listed, load_extra
+from shipnet.errors import ArgumentError, InputError, listed, load_extra
 from shipnet.lazy import pd
 
 #: A number; its decimal separator, if any, is a point.
@@ -607,6 +607,29 @@ def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
     stream = BytesIO()
     book.save(stream)
     return stream.getvalue()
+
+
+def save_suffix(path: str | PathLike[str], *legal: str) -> str:
+    """Return the suffix of a file to be written; raise if it is not a legal one."""
+    if (suffix := Path(path).suffix.lower()) not in legal:
+        raise ArgumentError(f"path is {str(path)!r}; its suffix must be {' or '.join(legal)}")
+    return suffix
+
+
+def save_table(path: str | PathLike[str], table: pd.DataFrame) -> None:
+    """Write a table to a CSV file or an Excel workbook, as the suffix says."""
+    if save_suffix(path, ".csv", ".xlsx") == ".xlsx":
+        Path(path).write_bytes(as_workbook({"table": table.map(_as_number)}))
+    else:
+        content = as_csv(table)
+        # Only other letters need the byte order mark.
+        Path(path).write_bytes(content[3:] if content[3:].isascii() else content)
+
+
+def _as_number(cell: object) -> object:
+    """Return text as the number that is read back as the same text, if there is one."""
+    is_number = isinstance(cell, str) and NUMBER.fullmatch(cell) and _cell(float(cell)) == cell
+    return float(cell) if is_number else cell  # type: ignore[arg-type]
 
 
 def _values(table: pd.DataFrame) -> pd.DataFrame:

@@ -43,19 +43,16 @@ RESULTS = {
 #: Called by simulations and servers, with what they have checked.
 HOOKS = {"apply", "device", "disturbance", "of", "run", "transit", "view", "voltage"}
 
-#: Mistakes that a call takes, which its annotation does not say.
+#: Mistakes in numbers that a call accepts, by call and argument.
 TAKEN = {
-    **{f"ValveDiagnosis.{name}": "nan" for name in ("FP", "OP", "MC", "OT", "VPos", "DVPos")},
-    "Rule.meets.computed": "nan",
-    "decode.sample_interval": "text path nan empty object",  # of a file
-    "Slave.answer.time": "None text path nan empty object",  # its device looks at it
-    # A request does not look at what its function code does not have, nor does a response.
-    **dict.fromkeys(
-        ("Request.coils", "Request.registers", "Response.coils",
-         "Response.address", "Response.quantity"), "None text path nan empty object",
-    ),
-    "box.x": "nan", "box.y": "nan", "box.width": "nan", "box.height": "nan",
-}  # fmt: skip
+    **{f"ValveDiagnosis.{name}": "NaN" for name in ("FP", "OP", "MC", "OT", "VPos", "DVPos")},
+    "Rule.meets.computed": "NaN",
+    "decode.sample_interval": "text NaN list object",  # of a file
+    "Slave.answer.time": "None text NaN list object",  # its device looks at it
+    "Response.address": "text NaN list object",  # a function code without it does not look at it
+    "Response.quantity": "text NaN list object",
+    **{f"box.{name}": "NaN" for name in ("x", "y", "width", "height")},
+}
 
 
 def of_asi():

@@ -1,7 +1,6 @@
 """What tests share: missing parts of a machine, tolerances, uploads."""
 
 import csv
-import math
 import os
 import signal
 import subprocess
@@ -12,11 +11,8 @@ from datetime import datetime
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import settings
-
-from shipnet.errors import ArgumentError
 
 with (Path(__file__).parent / "reference" / "tolerances.csv").open(encoding="utf-8") as file:
     #: The comparisons with other routes to a result; `docs/build.py` shows them on a page.
@@ -78,34 +74,3 @@ def load(upload: object, content: bytes, name: str = "a.csv") -> None:
     """Give a file to an upload button as the browser does."""
     about = {"type": "", "size": len(content), "last_modified": datetime(2026, 1, 1)}
     upload.value = [{"name": name, "content": memoryview(content), **about}]
-
-
-#: What a caller may pass by mistake, by a name for the test.
-MISTAKES = {
-    "None": None,
-    "text": "x?",
-    "path": Path("none"),
-    "nan": math.nan,
-    "empty": np.array([]),
-    "object": object(),
-}
-
-
-def check_mistakes(function, good, legal):
-    """Assert that each mistake in each argument is an ArgumentError that names it.
-
-    `legal` has the mistakes that an argument takes, by its name.
-    """
-    for argument in good:
-        for name, value in MISTAKES.items():
-            if name in legal.get(argument, "").split() or value is good[argument]:
-                continue
-            try:
-                function(**good | {argument: value})
-            except ArgumentError as error:
-                if argument in str(error):
-                    continue
-                raise AssertionError(f"{argument}={name} is not named: {error}") from None
-            except Exception as error:
-                raise AssertionError(f"{argument}={name} raises {error!r}") from error
-            raise AssertionError(f"{argument}={name} is taken")

@@ -1,5 +1,6 @@
 """No package imports a higher layer, and the architecture page and its picture match the code."""
 
+import ast
 import re
 from pathlib import Path
 
@@ -33,6 +34,22 @@ def test_every_file_that_the_page_names_exists():
         assert (package / name).exists() or (package / f"{name}.py").exists() or name in (
             "decode", "design", "ledger",
         ), name  # fmt: skip
+
+
+def test_arguments_of_a_plot_are_checked_before_it_makes_axes():
+    """Otherwise an error would leave an empty figure in a notebook."""
+    late = []
+    for file in (ROOT / "shipnet").rglob("*.py"):
+        for function in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(function, ast.FunctionDef):
+                parts = list(ast.walk(function))
+                calls = [(ast.unparse(p.func), p.lineno) for p in parts if isinstance(p, ast.Call)]
+                made = [line for name, line in calls if name == "style.axes"]
+                checks = [p.lineno for p in parts if isinstance(p, ast.Raise)]
+                checks += [line for name, line in calls if name.startswith("check_")]
+                if made and any(line > min(made) for line in checks):
+                    late.append((file.name, function.name))
+    assert late == []
 
 
 def test_there_are_no_import_cycles():

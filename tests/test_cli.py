@@ -190,7 +190,7 @@ def test_a_log_is_compared_with_a_dbc_file(tmp_path, capsys):
     can.simulate(can.example(), 125e3, until=2.0).log().save(log)
     assert main(["can", str(file), "--log", str(log)]) == 2
     error = capsys.readouterr().err
-    assert "message 'Speed': has no cycle time; give one with period=" in error.replace(
+    assert "message 'Speed': has no cycle time; give one with --period on" in error.replace(
         " has", ": has"
     )
     found = asked(capsys, "can", file, "--period", "0.01", "--log", log, code=1)

@@ -142,3 +142,18 @@ def test_a_module_says_what_it_is(name):
     module = importlib.import_module(name)
     assert module.__doc__
     assert all(hasattr(module, public) for public in getattr(module, "__all__", []))
+
+
+NAMESPACES = ["crc", "datasets", "errors", "style"] + [
+    f"{package}.{name}"
+    for package in FRONTS
+    for name in stub(package)
+    if package != "papers"
+    if inspect.ismodule(getattr(front(package), name))
+]
+
+
+@pytest.mark.parametrize("name", NAMESPACES)
+def test_completion_shows_only_names_of_the_public_api(name):
+    module = importlib.import_module(f"shipnet.{name}")
+    assert sorted(module.__all__) == dir(module)

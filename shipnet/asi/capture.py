@@ -13,11 +13,25 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Findings
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Indices, parts_of
 from shipnet.asi.batch import NONE, Requests, parse_responses
 from shipnet.asi.bursts import Telegrams, find_telegrams
-from shipnet.asi.causes import Found, Restored, line_causes, ranked, restored, sender_causes
+from shipnet.asi.causes import (
+    CABLE,
+    INDUCTANCE,
+    INTERFERENCE,
+    POWER,
+    SILENT,
+    WEAKER,
+    Found,
+    Restored,
+    line_causes,
+    plan_causes,
+    ranked,
+    restored,
+    sender_causes,
+    usual_levels,
+)
 from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.rules import rule_limits
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Request, Response
@@ -192,9 +206,9 @@ def _in_words(
     return "; ".join(parts)
 
 
-#: Supply voltage below which a power fail is counted [V] (Bihl+Wiedemann's tuner), and median
-#: voltage up to which a record counts as AC coupled [V].
-POWER_FAIL, _COUPLED = 18.5, 5.0
+#: Supply voltage below which a power fail is counted [V] (Bihl+Wiedemann's tuner), and mean voltage
+#: up to which a record counts as AC coupled [V]; duration of a mean [s].
+POWER_FAIL, _COUPLED, _MEAN = 18.5, 5.0, 250e-6
 
 
 @cache
@@ -354,7 +368,6 @@ def _series(failed: pd.Series, slave: pd.Series) -> dict[str, list[int]]:
 _LONGEST_STEP = 1e-6
 
 
-@checked
 @dataclass(frozen=True)
 class Capture:
     """The telegrams and transactions decoded from a recorded line voltage.
@@ -436,10 +449,19 @@ class Capture:
         some = some[~np.isnan(some)]
         return float(np.median(some)) if len(some) else 0.0
 
+    @cached_property
+    def _means(self) -> Floats:
+        """Magnitude of the mean voltage of each 250 us [V], NaN if it contains a gap."""
+        length = max(1, min(len(self.wave.u), round(_MEAN / self.wave.dt)))
+        whole = len(self.wave.u) // length * length
+        each = parts_of(self.wave.u[:whole], 1000 * length)
+        means = [part.reshape(-1, length).mean(axis=1) for _, part in each]
+        return np.asarray(np.abs(np.concatenate(means)))
+
     @property
     def supply_voltage(self) -> float:
-        """Supply voltage [V]; NaN if the record is AC coupled."""
-        return abs(self._middle) if abs(self._middle) > _COUPLED else float("nan")
+        """Supply voltage for most of the record [V]; NaN if the record is AC coupled."""
+        return abs(self._middle) if np.mean(self._means > _COUPLED) > 0.1 else float("nan")
 
     def check(self, plan: Plan | None = None) -> Findings:
         """Check level, evenness, ringing and errors of requests and responses against limits.
@@ -447,24 +469,28 @@ class Capture:
         The level is the height of the first pulse; its limits are 1.5 V and, for responses, 4 V
         (half of 3 V and 8 V peak to peak). The supply is checked if the record is DC coupled. A
         slave may leave one data exchange without a response, but not the next one, too; requests
-        with which the master searches for new slaves do not count. All slaves of a `plan` must have
-        responded.
+        with which the master searches for new slaves do not count. A slave's level must be at least
+        65 % of its usual level: the median of all slaves, or with a `plan`, the level that the plan
+        gives at the master relative to the others. All slaves of the plan must have responded, and
+        no others. A/B slaves need `decode(..., extended=...)`.
         """
         return Findings(_judged(self, plan))
 
-    def causes(self) -> pd.DataFrame:
+    def causes(self, plan: Plan | None = None) -> pd.DataFrame:
         """Return the probable causes of the line's faults, the most likely one first.
 
         The table has one row per cause and is empty for a healthy line. `slave` is the slave
         concerned, if any; `share` is the fraction of the violated findings of `check` that the
-        cause explains, 0..1; `evidence` gives the reason. Possible causes are a long cable or a
-        stub, a second supply, a missing or wrong supply inductance, interference, a duplicate
-        address, a weak slave, a slave that does not respond and a reversed probe.
+        cause explains, 0..1; `evidence` gives the reason. Possible causes are a power fail, a long
+        cable or a stub, a second supply, a missing or wrong supply inductance, interference, a
+        duplicate address, a weak slave, a slave that does not respond, a reversed probe, and with a
+        `plan`, a missing or an unexpected slave.
 
         The rules use the impedance of the line: a second supply halves its resistance and
-        inductance; a long cable or a stub adds capacitance and echoes. The impedance is less
-        accurate if the scope is at a slave. The rules were derived from simulated lines and tested
-        on other simulated lines; a real line may differ.
+        inductance; a long cable or a stub adds capacitance and echoes. Only one of several faults
+        that change the impedance is named. The impedance is less accurate if the scope is at a
+        slave, and a plan's levels apply only to a scope at the master. The rules were derived from
+        simulated lines and tested on other simulated lines; a real line may differ.
 
         Examples
         --------
@@ -473,15 +499,43 @@ class Capture:
         >>> decode(plan.record(10e-3, weak={"2": 0.4}, rng=2024)).causes()["slave"].to_dict()
         {'weak slave': '2'}
         """
-        broken, slaves = self.check().violated(), self.slaves
+        broken, slaves = self.check(plan).violated(), self.slaves
         found: list[Found] = []
         if len(broken) or self.disturbances:
             answering = int((slaves["answers"] > 0).sum())
             found = line_causes(
                 self._restored, self.transactions, answering, self.disturbances,
                 self.supply_voltage,
-            ) or sender_causes(slaves, self.disturbances, self._silences)  # fmt: skip
+            )  # fmt: skip
+            clear = self._clear if found else self
+            found = _power_cause(self) + found
+            usual = usual_levels(clear.slaves, plan)
+            senders = sender_causes(clear.slaves, usual, clear.disturbances, clear._silences)
+            explained = set()
+            # What silences most slaves is a fault of the line.
+            if found and 2 * [one.cause for one in senders].count(SILENT) > len(clear._silences):
+                explained.add(SILENT)
+            # Such faults explain bad telegrams, but not a few bursts between good ones.
+            causes = {one.cause for one in found}
+            few = (5 if POWER in causes else 2) <= clear.disturbances <= clear.telegrams
+            if {CABLE, INDUCTANCE, POWER} & causes and not few:
+                explained.add(INTERFERENCE)
+            found += [one for one in senders if one.cause not in explained]
+            found += plan_causes(broken, [one.slave for one in found])
         return ranked(found, broken, self.inverted)
+
+    def first_sign(self, cause: str, slave: str = "") -> float:
+        """Return the start of the first telegram [s] that shows a cause of `causes`."""
+        rows = self.transactions
+        if cause == POWER and len(fails := _power_fails(self)):
+            return float(fails[0])
+        if rows.empty:
+            return 0.0
+        # The master expects no response where it searches for new slaves.
+        concerned = self._asked["slave"] == slave if slave else rows["response_error"] != NO_ANSWER
+        bad = ~rows[["request_error", "response_error"]].isin(_FINE).all(axis=1)
+        sign = concerned & bad if (concerned & bad).any() else concerned & bool(slave)
+        return float(rows["start_s"][sign if sign.any() else slice(None)].min())
 
     def counters(self) -> pd.DataFrame:
         """Return the counters that masters and analysers show, each with value, light and meaning.
@@ -503,7 +557,8 @@ class Capture:
     ) -> Axes:
         """Draw the record from `start` to `stop` [s], its telegrams (shaded) and their bits.
 
-        Errors are named above the bits. Two lines show the smallest legal height of a first pulse.
+        Errors are named above the bits. If the bits would overlap, they are omitted, and telegrams
+        with errors are red. Two lines show the smallest legal height of a first pulse.
         """
         ax = style.axes(ax, figsize=(10, 3.2))
         u, dt = self.wave.u, self.wave.dt
@@ -525,7 +580,9 @@ class Capture:
             1.01, zero - least, f"{least:g} V", transform=ax.get_yaxis_transform(),
             color=colour, va="center",
         )  # fmt: skip
-        ends = ax.get_xaxis_transform()
+        ends, red = ax.get_xaxis_transform(), style.LIMIT["color"]
+        per_inch = (stop - start) * ax.figure.dpi / ax.bbox.width
+        legible, named = per_inch < 16 * BIT_TIME, -np.inf
         for row in self.transactions.to_dict("records"):
             begin = row["start_s"]
             for kind in ("request", "response"):
@@ -536,13 +593,17 @@ class Capture:
                 if not bits or not start <= middle <= stop:
                     continue
                 colour = style.FIELD["address" if kind == "request" else "information"]
+                if error != "ok" and not legible:
+                    colour = red
                 ax.axvspan(
                     begin * 1e6, (begin + length) * 1e6, color=colour, alpha=0.5, linewidth=0
                 )
                 there: dict[str, Any] = {"transform": ends, "ha": "center"}
-                ax.text(middle * 1e6, 1.02, bits, family="monospace", **there)
-                if error != "ok":
-                    ax.text(middle * 1e6, 1.1, error, color=style.LIMIT["color"], **there)
+                if legible:
+                    ax.text(middle * 1e6, 1.02, bits, family="monospace", **there)
+                if error != "ok" and middle - named > per_inch:
+                    ax.text(middle * 1e6, 1.1 if legible else 1.02, error, color=red, **there)
+                    named = middle
         ax.set(xlim=(start * 1e6, stop * 1e6), xlabel="time [us]", ylabel="voltage [V]")
         return ax
 
@@ -589,6 +650,14 @@ class Capture:
         return restored(self.wave.u, self.wave.dt, *starts, words, self.inverted)
 
     @cached_property
+    def _clear(self) -> Capture:
+        """The capture of the restored pulses if more of its telegrams can be read, or this one."""
+        if not len(self._restored.pulses):
+            return self
+        clear = decode(self._restored.pulses, self._restored.step, extended=self.extended)
+        return max(self, clear, key=lambda one: one.telegrams / max(1, len(one.transactions)))
+
+    @cached_property
     def _asked(self) -> pd.DataFrame:
         """Slave and call of each transaction, including each bad request that can be restored."""
         return _who(self)
@@ -612,14 +681,15 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
     asked = table[~table["request_error"].isin(["", CUT_OFF])]
     level, weakest = asked["request_amplitude_V"].min(), asked["request_weakest"].min()
     bad = float((asked["request_error"] != "ok").sum())
-    heard = [("request", "master", level, weakest, asked["request_ringing"].max(), bad)]
+    least, most, *_ = _limits()
+    # The level of requests has no upper limit: it may be higher at the master than elsewhere.
+    heard = [("request", "master", least, nan, level, weakest, asked["request_ringing"].max(), bad)]
+    usual = usual_levels(slaves, plan)
     for name, *values in slaves[["amplitude_V", "weakest_pulse", "ringing", "errors"]].itertuples():
         if name != UNKNOWN:
-            heard.append(("response", f"slave {name}", *values))
-    for kind, who, level, weakest, ringing, bad in heard:
-        # The level of requests has no upper limit: it may be higher at the master than elsewhere.
-        least, most, *_ = _limits()
-        most = most if kind == "response" else nan
+            low = float(np.fmax(least, round(WEAKER * usual[name], 2)))
+            heard.append(("response", f"slave {name}", low, most, *values))
+    for kind, who, least, most, level, weakest, ringing, bad in heard:
         for what, value, low, high, unit in (
             ("level", level, least, most, "V"),
             ("evenness", weakest, TOLERANCE.evenness, nan, "1"),
@@ -634,9 +704,14 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
         if series == [1]:
             longest, why = nan, "one data exchange without a response; record more cycles"
         rows.append((_MISSING, f"slave {name}", longest, nan, _UNANSWERED, "1", why))
-    for one in plan.slaves if plan is not None else ():
-        count = float(slaves["answers"].get(one.label, 0))
-        rows.append(("answers", f"slave {one.label}", count, 1.0, nan, "1", "it is in the plan"))
+    if plan is not None:
+        planned = dict.fromkeys(slave.label for slave in plan.slaves)
+        others = [name for name in slaves.index[slaves["answers"] > 0] if name not in planned]
+        for name in [*planned, *others]:
+            count = float(slaves["answers"].get(name, 0))
+            low, high = (1.0, nan) if name in planned else (nan, 0.0)
+            why = "it is in the plan" if name in planned else "it is not in the plan"
+            rows.append(("answers", f"slave {name}", count, low, high, "1", why))
     columns = ["rule", "object", "value", "low", "high", "unit", "why"]
     found = pd.DataFrame(rows, columns=columns)
     missed = (found["value"] < found["low"]) | (found["value"] > found["high"])
@@ -661,9 +736,10 @@ def _counted(capture: Capture) -> pd.DataFrame:
     unexpected = table["text"].str.endswith("where none is expected")
     asked = int((table["request"] != "").sum())
     nan = float("nan")
+    fails = nan if np.isnan(capture.supply_voltage) else len(_power_fails(capture))
     share = summary.repetitions / asked if asked else nan
     rows = [
-        ("power fail", _power_fails(capture), f"times that the supply falls below {POWER_FAIL} V"),
+        ("power fail", fails, f"times that the supply falls below {POWER_FAIL} V"),
         ("earth fault", nan, "not visible between the two wires; measure each wire to earth"),
         ("slave failure", dropped, "times that a slave failed 6 tries in a row"),
         ("missing slave frames", int(silent.sum()), "no response"),
@@ -681,19 +757,28 @@ def _counted(capture: Capture) -> pd.DataFrame:
     return counted.assign(light=light)[["value", "light", "meaning"]]
 
 
-def _power_fails(capture: Capture) -> float:
-    """Return how often the mean voltage over 250 us falls below `POWER_FAIL`; NaN if AC coupled."""
-    if np.isnan(capture.supply_voltage):
-        return float("nan")
-    length = max(1, min(len(capture.wave.u), round(250e-6 / capture.wave.dt)))
-    whole = len(capture.wave.u) // length * length
-    each = parts_of(capture.wave.u[:whole], 1000 * length)
-    means = np.concatenate([part.reshape(-1, length).mean(axis=1) for _, part in each])
-    low = np.abs(means) < POWER_FAIL
-    return float(np.count_nonzero(np.diff(low, prepend=False) & low))
+def _power_fails(capture: Capture) -> Floats:
+    """Return the times [s] at which the supply falls below `POWER_FAIL`."""
+    low = capture._means < POWER_FAIL
+    return np.asarray(np.flatnonzero(np.diff(low, prepend=False) & low) * _MEAN)
 
 
-@checked
+def _power_cause(capture: Capture) -> list[Found]:
+    """Return a power fail that is visible in the voltage, or if no slave responds any more."""
+    volts, least = capture.supply_voltage, _limits()[2]
+    if np.isnan(volts):
+        last = [series[-1] for series in capture._silences.values()]
+        why = f"none of {len(last)} slaves responds any more; the record does not show the supply"
+        return [Found(POWER, why)] if len(last) > 1 and min(last) > 1 else []
+    fails = _power_fails(capture)
+    if len(fails):
+        why = f"the supply falls below {POWER_FAIL} V at {1e3 * fails[0]:.1f} ms"
+        why += f" and {len(fails) - 1} times later" * (len(fails) > 1)
+    else:
+        why = f"the supply is {volts:.1f} V; slaves need {least} V"
+    return [Found(POWER, why)] if len(fails) or volts < least else []
+
+
 def decode(
     record: str | PathLike[str] | Waveform | npt.ArrayLike,
     dt: float | None = None,

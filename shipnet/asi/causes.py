@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +18,14 @@ import numpy.typing as npt
 from shipnet.arrays import Complexes, Floats, Integers
 from shipnet.asi.bursts import Sampling, find_telegrams, resample
 from shipnet.asi.modulation import Modulation
+from shipnet.asi.receiver import receive
 from shipnet.asi.segment import POWER_SUPPLY
 from shipnet.asi.slave import DEVICE
-from shipnet.asi.telegram import REQUEST_BITS, frame
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, RESPONSES, frame
 from shipnet.lazy import pd
+
+if TYPE_CHECKING:
+    from shipnet.asi.plan import Plan
 
 #: Longest part of a record that is analysed, and shortest record that can be analysed [s].
 _LONGEST, _SHORTEST = 40e-3, 0.5e-3
@@ -103,6 +107,8 @@ class Restored(NamedTuple):
     start: Floats
     words: Integers
     inverted: bool
+    #: Restored pulses, as high as the voltage; empty if nothing was gained.
+    pulses: Floats
 
     @property
     def short(self) -> bool:
@@ -123,19 +129,23 @@ def restored(
     # Each resampled value is the mean of several samples, so its time is the mean of theirs.
     since, step = (low + (sampling.mean - 1) / 2) * dt, sampling.step
     middle = np.median(x) if len(x) else 0.0
-    best = Restored(x - middle, since, step, start, words, inverted)
+    best = Restored(x - middle, since, step, start, words, inverted, x[:0])
     asked = asked - since
     asked = asked[(asked > _BEFORE) & (asked < len(x) * step - _STRETCH)]
     # Fall back on the whole record, although responses of distant slaves have a different spectrum.
     for times in (asked, asked[:0]):
         if best.short:
             break
-        found = find_telegrams(without_cable(best.x, step, times), step, 0.5)
+        pulses = without_cable(best.x, step, times)
+        found = find_telegrams(pulses, step, 0.5)
         every = found.telegrams
         good = every[(every.error == 0) & (every.length == REQUEST_BITS)]
         if len(good) >= len(best.start):
             begin = since + good.start
             best = best._replace(start=begin, words=good.word, inverted=found.inverted)
+            if len(good):
+                scale = np.quantile(np.abs(best.x), 0.99) / np.quantile(np.abs(pulses), 0.99)
+                best = best._replace(pulses=scale * pulses)
         if len(good) > 0.8 * len(times) > 0:
             break
     return best
@@ -192,6 +202,9 @@ DUPLICATE = "duplicate address"
 WEAK = "weak slave"
 SILENT = "silent slave"
 REVERSED = "reversed probe"
+POWER = "power fail"
+MISSING = "missing slave"
+UNEXPECTED = "unexpected slave"
 
 #: Largest legal capacitance [F]: 100 m at 80 nF/km (Lapp), 62 slaves and a master at 50 pF each.
 _MOST_CAPACITANCE = 100 * 80e-12 + 63 * 50e-12
@@ -199,8 +212,8 @@ _MOST_CAPACITANCE = 100 * 80e-12 + 63 * 50e-12
 #: Largest `misfit` (echoes) and `stray` (interference) of a healthy line; see `Impedance`.
 _ECHOES, _STRAY = 0.12, 0.1
 
-#: Lowest and highest level of a healthy slave, relative to the median of all slaves.
-_WEAKER, _LOUDER = 0.65, 1.5
+#: Lowest and highest level of a healthy slave, relative to its usual level; see `usual_levels`.
+WEAKER, _LOUDER = 0.65, 1.5
 
 #: Smallest legal height of a telegram's first pulse [V].
 _LEAST = 1.5
@@ -226,18 +239,19 @@ def ranked(found: list[Found], broken: pd.DataFrame, inverted: bool) -> pd.DataF
         if one.cause == INTERFERENCE:
             own = ~broken["rule"].str.contains("level|voltage")
         elif not one.slave:
-            own = broken["rule"] != "supply voltage"
+            own = (broken["rule"] != "supply voltage") | (one.cause == POWER)
         rows.append((one.cause, one.slave, float(own.mean()) if len(own) else 0.0, one.evidence))
     if inverted:
         rows.append((REVERSED, "", 0.0, "the first pulse of most telegrams is positive"))
     table = pd.DataFrame(rows, columns=["cause", "slave", "share", "evidence"])
+    table = table.drop_duplicates(["cause", "slave"])
     return table.sort_values("share", ascending=False, kind="stable").set_index("cause")
 
 
 def line_causes(
     part: Restored, rows: pd.DataFrame, answering: int, bursts: int, supply: float
 ) -> list[Found]:
-    """Return causes that affect every sender: the cable, the supply or interference.
+    """Return causes that affect every sender: the cable or the supply, and interference.
 
     `rows` is the table of transactions, `answering` the number of slaves that respond, `bursts` the
     number of bursts that are not telegrams, and `supply` the supply voltage [V], NaN if unknown.
@@ -264,55 +278,91 @@ def line_causes(
     damped, fed = (1 / r - own[0]) / nominal[0], (1 / inductance - own[1]) / nominal[1]
     seen = f"the line has {r:.0f} ohm in parallel with {inductance * 1e6:.0f} uH"
     usual = f"one supply has {1 / nominal[0]:.0f} ohm and {1e6 / nominal[1]:.0f} uH"
-    if fed > 2.5 and stray < 3 * _STRAY:
-        return [Found(INDUCTANCE, f"{seen}; {usual}")]
-    if stray > _STRAY:
-        said = f"{stray:.0%} of the power during requests is noise or interference"
-        return [Found(INTERFERENCE, said)]
     # A distant second supply changes the impedance less, but it lowers the signal levels.
     low = rows["response_amplitude_V"].median() < _LEAST
-    if fed > (1.15 if low else 1.4) and 0.6 < damped / fed < 1.6:
-        return [Found(SECOND, f"{seen}; {usual}; a supply with half these values looks the same")]
-    if fed > 1.4:
-        return [Found(INDUCTANCE, f"{seen}; {usual}")]
-    if misfit > _ECHOES or c > _MOST_CAPACITANCE:
-        said = (
-            f"the line has {c * 1e9:.0f} nF; a legal line of 100 m has at most "
-            f"{_MOST_CAPACITANCE * 1e9:.0f} nF; echoes are {misfit:.0%} of the voltage of requests"
+    alike = 0.6 < damped / fed < 1.6
+    cause, evidence = "", f"{seen}; {usual}"
+    if stray > 3 * _STRAY:
+        pass  # too noisy for the impedance
+    elif fed > 2.5:
+        cause = INDUCTANCE
+    elif alike and fed > (1.15 if low else 1.4):
+        cause, evidence = SECOND, f"{evidence}; a supply with half these values looks the same"
+    elif fed > 1.4:
+        cause = INDUCTANCE
+    elif misfit > _ECHOES + 2 * stray or c > _MOST_CAPACITANCE:
+        cause, evidence = (
+            CABLE,
+            f"the line has {c * 1e9:.0f} nF; a legal line of 100 m has at most ",
         )
-        return [Found(CABLE, said)]
-    if damped < 0.3:
+        evidence += f"{_MOST_CAPACITANCE * 1e9:.0f} nF; echoes are {misfit:.0%} of the requests"
+    elif damped < 0.3:
         rings = 1 / (2 * np.pi * np.sqrt(inductance * c)) / 1e3
-        return [Found(INDUCTANCE, f"{seen} and rings at {rings:.0f} kHz; {usual}")]
-    if max(damped, fed) < 0.65:
-        return [Found(CABLE, f"{seen}; {usual}, so the supply is at the end of a long cable")]
-    if fed < 0.65:
+        cause, evidence = INDUCTANCE, f"{seen} and rings at {rings:.0f} kHz; {usual}"
+    elif max(damped, fed) < 0.65:
+        cause, evidence = CABLE, f"{evidence}, so the supply is at the end of a long cable"
+    elif fed < 0.65:
         tail = inductance / r * 1e6
-        return [Found(INDUCTANCE, f"{seen}, so pulses decay in {tail:.1f} us; {usual}")]
-    return []
+        cause, evidence = INDUCTANCE, f"{seen}, so pulses decay in {tail:.1f} us; {usual}"
+    causes = [Found(cause, evidence)] if cause else []
+    if stray > _STRAY:
+        noise = f"{stray:.0%} of the power during requests is noise or interference"
+        causes.insert(int(fed > 2.5), Found(INTERFERENCE, noise))
+    return causes
+
+
+def usual_levels(slaves: pd.DataFrame, plan: Plan | None) -> pd.Series:
+    """Return the level at which each slave is expected [V]: the median of all slaves' levels.
+
+    With a plan, the levels are proportional to those that the plan gives at the master. Slaves
+    behind a repeater count as average.
+    """
+    level = slaves["amplitude_V"]
+    planned = pd.Series(1.0, level.index)
+    for segment in plan.only_line("a capture") if plan is not None else ():
+        if segment.masters and segment.slaves:
+            names = [slave.label for slave in segment.slaves]
+            nodes = [slave.node for slave in segment.slaves]
+            (wave,) = segment.waveforms(nodes, RESPONSES, dt=250e-9, before=5e-6, after=20e-6)
+            heights = receive(wave.u, wave.dt, RESPONSE_BITS).amplitude
+            known = pd.Series(np.median(heights, axis=1), names).groupby(level=0).max()
+            planned = known.reindex(level.index).fillna(known.median())
+    return planned * (level / planned).median()
+
+
+def plan_causes(broken: pd.DataFrame, named: Sequence[str]) -> list[Found]:
+    """Return slaves that are in the plan but do not respond, and the other way round."""
+    found = []
+    for name, count in broken.loc[broken["rule"] == "answers", ["object", "value"]].to_numpy():
+        cause, evidence = MISSING, "it is in the plan, but the record contains no response"
+        if count:
+            cause, evidence = UNEXPECTED, f"it responds {count:.0f} times, but is not in the plan"
+        found.append(Found(cause, evidence, name.removeprefix("slave ")))
+    return [one for one in found if one.cause == UNEXPECTED or one.slave not in named]
 
 
 def sender_causes(
-    slaves: pd.DataFrame, bursts: int, silences: Mapping[str, Sequence[int]]
+    slaves: pd.DataFrame, usual: pd.Series, bursts: int, silences: Mapping[str, Sequence[int]]
 ) -> list[Found]:
     """Return causes that affect individual slaves, and intermittent interference.
 
-    `silences` are the numbers of data exchanges that each slave leaves without a response before
-    its first response, between two responses, and after its last one.
+    `usual` are the levels at which the slaves are expected. `silences` are the numbers of data
+    exchanges that each slave leaves without a response before its first response, between two
+    responses, and after its last one.
     """
     level = slaves["amplitude_V"]
-    usual = float(level.median())
     found = []
     observed = slaves[(slaves["errors"] + slaves["answers"] > 1) & (slaves.index != "unknown")]
     for label, slave in observed.iterrows():
-        evidence = f"its level is {slave['amplitude_V']:.2f} V; the median of all is {usual:.2f} V"
+        height, normal = slave["amplitude_V"], usual[str(label)]
+        evidence = f"its level is {height:.2f} V; {normal:.2f} V would be usual"
         others = level.drop([label]).max()
-        if slave["amplitude_V"] > max(_LOUDER * usual, 1.35 * others):
+        if height > max(_LOUDER * normal, 1.35 * others):
             evidence += (
                 f"; {int(slave['errors'])} of its responses are bad, as if two slaves responded"
             )
             found.append(Found(DUPLICATE, evidence, str(label)))
-        elif slave["amplitude_V"] < _WEAKER * usual:
+        elif height < WEAKER * normal:
             found.append(Found(WEAK, evidence, str(label)))
     bad = slaves["errors"] + slaves["bad_requests"]
     named = [one.slave for one in found]
@@ -338,7 +388,7 @@ def sender_causes(
         else:
             evidence = f"{max(series)} data exchanges in a row have no response, but later ones do"
         found.append(Found(SILENT, evidence, label))
-    one = bad.index[0] if len(bad) == 1 else ""
+    one = bad.index[0] if len(bad) == 1 and bad.index[0] != "unknown" else ""
     if one and slaves["errors"][one] == bad[one] >= 3:
         evidence = (
             f"all {int(bad[one])} bad telegrams are its responses, as if two slaves responded"

@@ -21,6 +21,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import record, text, whole
 
 __all__ = ["ChangeAddress", "ReadCodes", "ResetSlave", "WriteParameter"]
+__dir__ = __all__.copy
 
 
 def _detected(lists: Lists, slave: str) -> int:

@@ -27,6 +27,7 @@ __all__ = [
     "SupplyDip",
     "TelegramErrors",
 ]
+__dir__ = __all__.copy
 
 
 @record

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping
 from enum import IntEnum
 from functools import cache
-from typing import NamedTuple, Protocol, TypeAlias, TypeVar, cast
+from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar, cast
 
 import numpy as np
 
@@ -22,6 +22,14 @@ from shipnet.asi.telegram import Call, Half, Request
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, number, part, record, switch, text, whole
 from shipnet.line.network import check_node
+
+
+def _no_profiles(value: object) -> Any:
+    """Raise an error that shows how to give profiles, and a node."""
+    raise ArgumentError(
+        f"projected is {value!r}; it must map labels to profiles, such as {{'1': 'S-7.F.F'}}; a "
+        "node is given by its name, such as node='PLC'"
+    )
 
 
 @record
@@ -50,7 +58,7 @@ class Master:
     projected: Mapping[str, Profile | str] | None = part(
         Mapping, "Profiles of the projected slaves by label: the master activates only these "
         "(protected mode); if omitted, it activates all slaves (configuration mode)",
-        default=None, optional=True,
+        default=None, optional=True, make=_no_profiles,
     )  # fmt: skip
     outputs: Mapping[str, int] = part(
         Mapping, "Outputs of each slave by label, 0..15, or 0..7 for an A/B slave; by default all "

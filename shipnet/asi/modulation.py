@@ -18,7 +18,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Complexes, Floats
 from shipnet.asi.batch import NONE
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, RESPONSES
@@ -147,7 +146,6 @@ def decided(pulses: Signs, places: Signs) -> tuple[Signs, Codes]:
     return np.where(middles == 0, NONE, middles > 0).astype(np.int8), error
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Modulation:
     r"""Alternating pulse modulation of bits: levels, send current, its spectrum, and pulses.
@@ -257,14 +255,14 @@ class Modulation:
         Three axes show levels, current and voltage, as in icn2007's Figs 7a and 7b. Six axes, the
         default, show every stage from bits to pulses and back to bits, as in kim2023's Table 3.
         """
+        u, n_axes = wave.u.reshape(-1, wave.u.shape[-1]), 6 if axes is None else len(axes)
+        if n_axes not in (3, 6) or len(u) != 1:
+            raise ArgumentError(
+                f"{n_axes} axes and {len(u)} voltages given; give 3 or 6 axes and 1 voltage"
+            )
         if axes is None:
             six = style.axes(nrows=6, figsize=(7, 9), sharex=True)
             axes = cast("Sequence[Axes]", six)
-        u = wave.u.reshape(-1, wave.u.shape[-1])
-        if len(axes) not in (3, 6) or len(u) != 1:
-            raise ArgumentError(
-                f"{len(axes)} axes and {len(u)} voltages given; give 3 or 6 axes and 1 voltage"
-            )
         bits, t = self.text, wave.t
         edges = np.arange(2 * len(bits) + 1) * HALF_BIT * 1e6
         signals = [(1e3 * self.current(t), "C1", "current [mA]"), (u[0], "C2", "voltage [V]")]
@@ -328,7 +326,6 @@ def _write_bits(ax: Axes, bits: str, height: float, va: str = "center") -> None:
         ax.text(middle, height, bit, ha="center", va=va, family="monospace")
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Pulses:
     """Signs of the pulses in telegrams, one per half-bit from the start of each telegram.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -17,10 +17,9 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Findings, Utilisation
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.asi.master import Master
-from shipnet.asi.plan_file import read_elements, write_elements
+from shipnet.asi.plan_file import Notes, note_key, read_elements, write_elements
 from shipnet.asi.receiver import RECEIVERS, TOLERANCE, Disturbance, RNGLike
 from shipnet.asi.recording import record_segment
 from shipnet.asi.rules import check_lines
@@ -79,7 +78,6 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
 _NAMED = 12
 
 
-@checked
 @dataclass(frozen=True, repr=False)
 class Plan:
     """An installation: cables and the devices on them.
@@ -98,6 +96,9 @@ class Plan:
         Repeaters, each between two segments.
     terminators : iterable of Terminator, optional
         Terminators or extension plugs.
+    notes : mapping of tuple to str, optional
+        Remarks, without effect, by the kind, the nodes and the address of an element, for example
+        ``{("slave", "deck", "12A"): "spare"}``.
 
     Raises
     ------
@@ -131,6 +132,7 @@ class Plan:
     slaves: Sequence[Slave] = ()
     repeaters: Sequence[Repeater] = ()
     terminators: Sequence[Terminator] = ()
+    notes: Notes = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
         for name in _KINDS:
@@ -239,6 +241,7 @@ class Plan:
             raise ArgumentError(f"prefix is {prefix!r}; both plans would have a node {clash[0]!r}")
         last = max((slave.address for slave in self.slaves), default=0)
         moved: list[Element] = []
+        notes = dict(self.notes)
         for element in other:
             names = [name for name in ("node", "a", "b") if hasattr(element, name)]
             changes: dict[str, Any] = {name: prefix + getattr(element, name) for name in names}
@@ -246,12 +249,13 @@ class Plan:
                 changes["label"] = f"{element.address + last}{element.half or ''}"
             if not isinstance(element, Master):
                 moved.append(replace(element, **changes))
+                notes[note_key(moved[-1])] = other.notes.get(note_key(element), "")
         link = Repeater(node, prefix + other.masters[0].node, delay)
-        return plan_of([*self, *moved, link])
+        return plan_of([*self, *moved, link], notes)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the plan to a CSV file that `read_plan` can read."""
-        write_elements(list(self), path)
+        """Write the plan and its notes to a CSV file or an Excel workbook for `read_plan`."""
+        write_elements(list(self), path, self.notes)
 
     # Evaluation --------------------------------------------------------------------------------
 
@@ -486,14 +490,15 @@ class PlanFindings(Findings):
         return self.plan.plot(self, ax=ax)
 
 
-def plan_of(elements: Iterable[Element]) -> Plan:
+def plan_of(elements: Iterable[Element], notes: Notes | None = None) -> Plan:
     """Return a plan with the given elements, which may be in any order."""
     given = list(elements)
-    kinds: list[Any] = [[one for one in given if isinstance(one, kind)] for kind in _KINDS.values()]
-    return Plan(*kinds)
+    kinds: dict[str, Any] = {
+        name: [one for one in given if isinstance(one, kind)] for name, kind in _KINDS.items()
+    }
+    return Plan(**kinds, notes=notes or {})
 
 
-@checked
 def read_plan(path: str | PathLike[str]) -> Plan:
     """Read a plan from a CSV file or an Excel workbook.
 
@@ -522,7 +527,7 @@ def read_plan(path: str | PathLike[str]) -> Plan:
     >>> len(plan.slaves), [f"{segment.length:.0f} m" for segment in plan.segments]
     (62, ['100 m', '100 m', '100 m'])
     """
-    return plan_of(read_elements(path))
+    return plan_of(*read_elements(path))
 
 
 # Several plans --------------------------------------------------------------------------------
@@ -573,7 +578,6 @@ class Comparison:
         return ax
 
 
-@checked
 def compare(plans: Mapping[Any, Plan]) -> Comparison:
     """Compare the quality of the slaves' responses in several plans.
 

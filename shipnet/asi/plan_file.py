@@ -8,27 +8,28 @@
     slave,deck,,,,13,S-7.3,20,4,,
 
 Cells that do not apply to the row's kind of element must be empty; an empty optional cell means
-the element's default. Columns may be in any order; `note` and unused columns may be omitted.
+the element's default. Columns may be in any order; `note` (remarks) and unused columns may be
+omitted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from decimal import Decimal
 from os import PathLike
-from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from shipnet.asi.master import Master
 from shipnet.asi.profile import Profile
-from shipnet.asi.segment import Element, Repeater, Supply, Terminator, structure_faults
+from shipnet.asi.segment import Element, Repeater, Supply, Terminator, nodes_of, structure_faults
 from shipnet.asi.slave import Slave, slave_key
 from shipnet.asi.timing import CHANNELS, transfers_values
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Number, declared
+from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
-from shipnet.tables import NUMBER, csv_text, in_order, read_sheet, titled
+from shipnet.tables import NUMBER, in_order, read_sheet, save_table, titled
 
 #: Numeric columns: the declaration of each, and the power of ten of its unit.
 _NUMBERS: dict[str, tuple[Any, int]] = {
@@ -39,6 +40,7 @@ _NUMBERS: dict[str, tuple[Any, int]] = {
     "rating_a": (declared(Supply)["rating"], 0),
     "delay_us": (declared(Repeater)["delay"], -6),
     "resistance_ohm": (declared(Terminator)["resistance"], 0),
+    "inductance_uh": (declared(Terminator)["inductance"], -6),
 }
 
 _PREFIX = {0: "", -3: "m", -6: "u"}
@@ -51,7 +53,10 @@ _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]]
     "repeater": (
         Repeater, {"a": "node", "b": "to"}, {"delay": "delay_us", "current": "current_ma"},
     ),
-    "terminator": (Terminator, {"node": "node"}, {"resistance": "resistance_ohm"}),
+    "terminator": (
+        Terminator, {"node": "node"},
+        {"resistance": "resistance_ohm", "inductance": "inductance_uh"},
+    ),
     "slave": (
         Slave, {"node": "node", "label": "address"},
         {"profile": "profile", "current": "current_ma", "channels": "channels",
@@ -62,18 +67,30 @@ _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]]
 #: Columns of a plan file, in the order in which they are written.
 COLUMNS = ("kind", "node", "to", "length_m", "cable", "address", "profile", "current_ma",
            "channels", "conversion_ms", "voltage_v", "rating_a", "delay_us",
-           "resistance_ohm")  # fmt: skip
+           "resistance_ohm", "inductance_uh")  # fmt: skip
 
 
-def write_elements(elements: Sequence[Element], path: str | PathLike[str]) -> None:
-    """Write the elements of a plan to a CSV file, with their numbers in full precision."""
+#: Remarks on elements, by `note_key`.
+Notes: TypeAlias = Mapping[tuple[str, ...], str]
+
+
+def note_key(element: Element) -> tuple[str, ...]:
+    """Return the key of an element's note: its kind, its node or nodes, and a slave's address."""
+    kind = next(name for name, rule in _KINDS.items() if rule[0] is type(element))
+    return (kind, *nodes_of(element), *([element.label] if isinstance(element, Slave) else []))
+
+
+def write_elements(elements: Sequence[Element], path: str | PathLike[str], notes: Notes) -> None:
+    """Write the elements of a plan to a file, with their numbers in full precision."""
     for one in elements:
         if isinstance(one, CableRun) and not isinstance(one.cable, str):
             raise ArgumentError(f"{one} has a custom cable; a file can only name a cable type")
-    rows = list(map(_row, elements))
-    used = [column for column in COLUMNS if any(column in row for row in rows)]
-    cells = ([row.get(column) for column in used] for row in rows)
-    Path(path).write_text(csv_text([used, *cells]), encoding="utf-8", newline="")
+    rows = [_row(one) for one in elements]
+    for one, row in zip(elements, rows, strict=True):
+        if note := notes.get(note_key(one)):
+            row["note"] = note
+    used = [column for column in (*COLUMNS, "note") if any(column in row for row in rows)]
+    save_table(path, pd.DataFrame(rows, columns=used))
 
 
 def _row(element: Element) -> dict[str, str]:
@@ -95,8 +112,8 @@ def _row(element: Element) -> dict[str, str]:
     return row
 
 
-def read_elements(path: str | PathLike[str]) -> list[Element]:
-    """Read the elements of a plan from a file."""
+def read_elements(path: str | PathLike[str]) -> tuple[list[Element], Notes]:
+    """Read the elements of a plan from a file, and the notes on them."""
     sheet = read_sheet(path)
     needed = ("kind", "node")
     known = {column: None if column in needed else "" for column in (*COLUMNS, "note")}
@@ -107,6 +124,7 @@ def read_elements(path: str | PathLike[str]) -> list[Element]:
     if sheet.separator != "," and any("," in row[column] for _, row in rows for column in _NUMBERS):
         point = ","
     elements: list[Element] = []
+    notes: dict[tuple[str, ...], str] = {}
     numbers: dict[int, int] = {}
     for number, row in rows:
         element, wrong = _element(row, point)
@@ -114,6 +132,8 @@ def read_elements(path: str | PathLike[str]) -> list[Element]:
         if element is not None:
             numbers[id(element)] = number
             elements.append(element)
+            if row["note"]:
+                notes[note_key(element)] = row["note"]
         else:
             # A row of unknown kind may be meant as a cable.
             whole &= row["kind"].lower() in _KINDS.keys() - {"cable"}
@@ -125,7 +145,7 @@ def read_elements(path: str | PathLike[str]) -> list[Element]:
         said += [f"row {numbers[id(element)]}: {fault}" for element, fault in found]
     if said:
         raise InputError(sheet.source, *said)
-    return elements
+    return elements, notes
 
 
 def _element(row: dict[str, str], point: str) -> tuple[Element | None, list[str]]:

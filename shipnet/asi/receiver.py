@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, Signs, decided, violated
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
@@ -61,7 +60,6 @@ class Disturbance(Protocol):
         """Return voltages of shape (size, n_t); `span` is the start and end of telegrams [s]."""
 
 
-@checked
 class Reception(NamedTuple):
     """The telegrams that a receiver read; the leading axes are those of the voltage.
 
@@ -118,10 +116,9 @@ class Reception(NamedTuple):
         self, wave: Waveform, ax: Axes | None = None, *, receiver: Receiver | None = None
     ) -> Axes:
         """Draw one telegram as its receiver sees it: voltage, filtered voltage and slots."""
-        ax = style.axes(ax)
-        receiver = receiver or Receiver()
         if wave.u.ndim != 1:
             raise ArgumentError(f"wave has {wave.u.shape[:-1]} telegrams; it must have one")
+        ax, receiver = style.axes(ax), receiver or Receiver()
         t = wave.t * 1e6
         seen = matched_filter(wave.u, wave.dt) if receiver.matched else wave.u
         ax.plot(t, wave.u, color="0.6", linewidth=1, label="on the line")
@@ -156,7 +153,6 @@ class Tolerance(NamedTuple):
 TOLERANCE = Tolerance(evenness=0.65, ringing=0.30)
 
 
-@checked
 @record
 class Receiver:
     """The receiver of a master or a slave, with four settings.
@@ -223,7 +219,6 @@ RECEIVERS: Mapping[str, Receiver] = MappingProxyType(
 )
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform(line_waveform.Waveform):
     """Voltages of telegrams at a receiver; the telegrams begin at t = 0.

@@ -19,6 +19,12 @@ from shipnet.lazy import pd
 #: Relative rounding error by which a value may exceed its limit.
 _SLACK = 1e-9
 
+#: What remains to be done on a line with terminators that violates a rule.
+_TERMINATED = {
+    "signal_level_least": "terminators and slaves load the line: use fewer slaves",
+    "ringing": "terminators slow the decay of pulses: use a smaller inductance",
+}
+
 #: One row of the table without its verdict: rule, object, value, upper limit (None unless the
 #: object itself sets it), and reason.
 _Row = tuple[str, str, float, float | None, str]
@@ -191,11 +197,15 @@ def _supply_rows(segment: Segment) -> Iterator[_Row]:
         yield "supply_rating", str(supply), current, supply.rating, ""
     if len(segment.supplies) == 1:
         for slave in segment.slaves:
-            yield "slave_voltage", str(slave), segment.voltages[slave.node], None, ""
+            volts = segment.voltages[slave.node]
+            why = "" if volts else "the supply cannot drive the currents through the cables"
+            yield "slave_voltage", str(slave), volts, None, why
 
 
 def _signal_rows(segment: Segment) -> Iterator[_Row]:
     names = [name for name, _ in segment.listeners]
     rules = ("signal_level_least", "signal_level_most", "signal_evenness", "ringing", "reception")
+    why = _TERMINATED if segment.terminators else {}
     for rule, values in zip(rules, segment.signals()[:5], strict=True):
-        yield from ((rule, name, float(v), None, "") for name, v in zip(names, values, strict=True))
+        said = why.get(rule, "")
+        yield from ((rule, n, float(v), None, said) for n, v in zip(names, values, strict=True))

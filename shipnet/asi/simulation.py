@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Utilisation
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.asi.channel import Channel, MasterStops, Rows, Station, Stations
 from shipnet.asi.faults import LineFault
@@ -109,11 +108,10 @@ class Summary:
         )
 
 
-#: Maximum number of requests in a figure.
-_MOST_REQUESTS = 500
+#: Maximum number of requests in a figure, and the number drawn of more.
+_MOST_REQUESTS, _PART = 500, 40
 
 
-@checked
 @dataclass(frozen=True, repr=False)
 class Run:
     """A finished simulation: all telegrams and their evaluation.
@@ -224,23 +222,32 @@ class Run:
         """Draw requests and responses as blocks over time, with rows for the master and each slave.
 
         `where` is a condition on the events, such as ``"phase == 'data_exchange'"``; `start` and
-        `stop` are simulated times [s]. Together they must select 1 to 500 requests. A wrong or
-        missing response is red; a repeated request is hatched and numbered.
+        `stop` are simulated times [s]. A wrong or missing response is red; a repeated request is
+        hatched and numbered. Of more than 500 requests, 40 are drawn, which the title numbers:
+        those around the first fault or, without faults, around the longest wait of a slave.
         """
         try:
             events = self._events if where is None else self._events.query(where)
         except Exception as problem:  # pandas raises errors of many kinds
             raise ArgumentError(f"where is {where!r}: {problem}") from None
-        ax = style.axes(ax)
         keep = events["time_s"] >= (0.0 if start is None else start)
         if stop is not None:
             keep &= events["time_s"] < stop
         shown = events[keep]
-        if not 1 <= len(shown) <= _MOST_REQUESTS:
-            raise ArgumentError(
-                f"start and stop select {len(shown)} requests; a figure shows 1 to {_MOST_REQUESTS}"
-            )
+        if shown.empty:
+            raise ArgumentError("where, start and stop select no request; they must select one")
+        if (total := len(shown)) > _MOST_REQUESTS:
+            fault = (shown["phase"] == "data_exchange") & (shown["outcome"] != "ok")
+            wait = shown.groupby("slave")["time_s"].diff()
+            middle = int((fault if fault.any() else wait.fillna(0.0)).argmax())
+            first = min(max(middle - _PART // 2, 0), total - _PART)
+            shown = shown.iloc[first : first + _PART]
+            why = "the first fault" if fault.any() else "the longest wait of a slave"
         slaves = shown.sort_values(["address", "half"], kind="stable")["slave"].unique()
+        ax = style.axes(ax, figsize=style.size(len(slaves) + 1))
+        if total > len(shown):
+            title = f"requests {first + 1} to {first + _PART} of {total}, around {why}"
+            ax.set_title(title, loc="left")
         row = {slave: place + 1 for place, slave in enumerate(slaves)}
         bit_time = self.transaction.bit_time
         bit = 1e3 * bit_time
@@ -436,7 +443,6 @@ _USUAL = Transaction()
 _PATIENCE = 10.0
 
 
-@checked
 def simulate(
     system: Plan | Sequence[Slave],
     master: Master | None = None,

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.asi.batch import NONE
 from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
 from shipnet.asi.telegram import Answer, Call, Half, Request, Response
@@ -71,7 +70,6 @@ def label_of(key: int, *, extended: bool) -> str:
     return f"{key >> 1}{'AB'[key & 1] if extended and key > 1 else ''}"
 
 
-@checked
 @record
 class Slave:
     """A slave with its address, profile and node.

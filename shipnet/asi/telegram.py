@@ -16,7 +16,6 @@ from itertools import product
 from typing import Any, Literal
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.asi.profile import describe_io_configuration, describe_status
 from shipnet.errors import (
     ArgumentError,
@@ -154,9 +153,9 @@ _PARTS = {
 
 def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> Axes:
     """Draw a telegram as a row of coloured bits, with its levels as a line above."""
-    ax = style.axes(ax, figsize=(7.5, 2.2))
     if len(bits) not in _PARTS:
         raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
+    ax = style.axes(ax, figsize=(7.5, 2.2))
     place = start
     for label, length, colour in _PARTS[len(bits)]:
         style.box(ax, place, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
@@ -403,7 +402,6 @@ class Request:
         return cls(Call.DATA_EXCHANGE, address, data, half)
 
     @classmethod
-    @checked
     def table(cls, *, extended: bool = True) -> pd.DataFrame:
         """Return all requests bit by bit, to A/B slaves or to standard ones: kim2023's Table 5.
 

@@ -15,12 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets, style
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.asi.profile import Profile
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response, plot_telegram
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, number, part, record, whole
+from shipnet.fields import check_choice, check_scalar, check_whole, number, part, record, whole
 from shipnet.lazy import Axes
 
 #: Length of one bit on the line [s], from icn2007 section 5 and OMRON manual W357, p. 5.
@@ -36,7 +35,6 @@ LONGEST_SLAVE_PAUSE = 500e-6
 USER_BITS = 4
 
 
-@checked
 @record(slots=True)
 class Transaction:
     """One request with its response and both pauses.
@@ -172,7 +170,6 @@ class ResponseTime(NamedTuple):
     worst: float
 
 
-@checked
 @record
 class Cycle:
     r"""The cycle of a master that polls all slaves of a line.
@@ -352,7 +349,7 @@ def transfers_values(profile: Profile | str) -> bool:
 
 def exchanges(profile: Profile | str, direction: Direction = "in") -> int:
     """Return the number of exchanges for a slave's largest value; single bits need one."""
-    sizes = _sizes(profile, direction)
+    sizes = _sizes(profile, check_choice("direction", direction, ("in", "out")))
     if not sizes and not transfers_values(profile):
         return 1
     if not sizes or not sizes[max(sizes)]:

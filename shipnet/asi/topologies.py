@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan, plan_of
 from shipnet.asi.segment import Supply, Terminator
@@ -19,7 +18,6 @@ from shipnet.line.cable import Cable
 from shipnet.line.network import CableRun
 
 
-@checked
 def line(
     length: float,
     slaves: int | Sequence[float] = 0,
@@ -50,7 +48,8 @@ def line(
     current : float, default 0.065
         Current of each slave, 0..10 [A].
     terminator : float, optional
-        Resistance of an extension plug at the far end, 1..1e6 [ohm]; no plug if omitted.
+        Resistance of a resistor at the far end, 1..1e6 [ohm]; no resistor if omitted. For a device
+        that the makers offer, add a `Terminator` to the plan.
 
     Returns
     -------
@@ -71,10 +70,9 @@ def line(
     )  # fmt: skip
     if terminator is None:
         return plan
-    return plan_of([*plan, Terminator(_node(length), terminator)])
+    return plan_of([*plan, Terminator(_node(length), terminator, inductance=1e3)])
 
 
-@checked
 def star(
     trunk: float,
     legs: Sequence[float],
@@ -131,7 +129,6 @@ def star(
     return Plan(cables, [Master(node=_node(master))], [Supply(_node(supply))], slaves)
 
 
-@checked
 def ring(
     length: float,
     slaves: int | Sequence[float],

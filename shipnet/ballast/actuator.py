@@ -71,7 +71,9 @@ class Actuator:
     dynamic_torque: Quantity = _number(
         0, 1e6, "N m", "Torque of the flow, in the closing direction", 20.0
     )
-    no_load_current: Quantity = _number(0, 1e3, "A", "Magnetising current of the motor", 0.7)
+    magnetising_current: Quantity = _number(
+        0, 1e3, "A", "Reactive current of the motor, the same at any load", 0.56
+    )
     torque_constant: Quantity = _number(1e-3, 1e4, "N m/A", "Shaft torque per active current", 4.15)
     pump_efficiency: Quantity = _number(0.05, 1, "", "Mechanical efficiency of the pump", 0.85)
     friction: Quantity = _number(0, 1e4, "N m", "Additional torque that the pump needs", 0.0)
@@ -217,18 +219,20 @@ def _active_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
     """Return the component of the motor's current that is in phase with its voltage [A]."""
     a = actuator
     torque = np.asarray(a.displacement) * pump_pressure / (2 * np.pi * a.pump_efficiency)
-    return np.asarray((torque + a.friction) / a.torque_constant)
+    no_load = np.asarray(a.no_load_loss) / (np.sqrt(3) * a.voltage)
+    return np.asarray((torque + a.friction) / a.torque_constant + no_load)
 
 
 def motor_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
     """Return the running motor's current [A]: magnetising and active components in quadrature."""
-    return np.asarray(np.hypot(actuator.no_load_current, _active_current(actuator, pump_pressure)))
+    return np.asarray(
+        np.hypot(actuator.magnetising_current, _active_current(actuator, pump_pressure))
+    )
 
 
 def electric_power(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
     """Return the electric power of the running motor [W], including its no-load loss."""
-    drawn = np.sqrt(3) * actuator.voltage * _active_current(actuator, pump_pressure)
-    return np.asarray(drawn + actuator.no_load_loss)
+    return np.asarray(np.sqrt(3) * actuator.voltage * _active_current(actuator, pump_pressure))
 
 
 def losses(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:

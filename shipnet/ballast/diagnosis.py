@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.ballast.plant import Movement, Plant
 from shipnet.ballast.rule_table import rule_base
@@ -38,7 +37,6 @@ _SETTLE = 5.0
 _AT_ONCE = 2**18
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Run:
     """Readings of the sensors, one row per instant, as returned by `simulate`.
@@ -248,7 +246,6 @@ def applicable(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Bools]:
     return {name: mask for name, mask in found.items() if name in base.names}
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """The diagnosis of every valve at every instant, as returned by `Run.diagnose`.
@@ -379,8 +376,13 @@ class Diagnosis:
         mine = self.onset[:, self._place(valve)]
         return int(mine.sum() if code is None else mine[:, self._column(code)].sum())
 
-    def plot(self, valve: int = 1, ax: Axes | None = None) -> Axes:
-        """Draw the greatest firing strength of each rule, and the diagnosis, as in Figure 13."""
+    def plot(self, valve: int | None = None, ax: Axes | None = None) -> Axes:
+        """Draw the greatest firing strength of each rule, and the diagnosis, as in Figure 13.
+
+        By default, `valve` is the first that is not normal, or 1.
+        """
+        if valve is None:
+            valve = int((self._overall != NORMAL).argmax()) + 1
         ax = style.axes(ax)
         base = self.base
         strength = self.firing(valve).strength.max(axis=0)
@@ -397,14 +399,19 @@ class Diagnosis:
         others = f", also {', '.join(found[1:])}" if found[1:] else ""
         (top,) = base.top_codes(active[np.newaxis], self.open[:, self._place(valve)].any())
         ax.set_title(
-            f"diagnosis: {top}{others}", loc="left",
+            f"diagnosis of valve {valve}: {top}{others}", loc="left",
             color="C2" if top == NORMAL else style.LIMIT["color"],
         )  # fmt: skip
         return ax
 
+    @property
+    def _overall(self) -> npt.NDArray[np.object_]:
+        """Top code of each valve over the whole run, as in `top`."""
+        active = np.asarray(self.active.any(axis=0))
+        return self.base.top_codes(active, self.open.any(axis=(0, 2)))
+
     def __repr__(self) -> str:
-        n, doubtful = self.run.n_valves, self.open.any(axis=(0, 2))
-        said = self.base.top_codes(np.asarray(self.active.any(axis=0)), doubtful)
+        n, said = self.run.n_valves, self._overall
         found = np.flatnonzero(said != NORMAL)
         faults = ", ".join(f"valve {k + 1}: {said[k]}" for k in found[:3])
         more = f" and {found.size - 3} more" if found.size > 3 else ""
@@ -471,7 +478,6 @@ def _at(rows: Any, columns: Mapping[str, npt.NDArray[Any]]) -> dict[str, Any]:
     return {name: x[rows] for name, x in columns.items()}
 
 
-@checked
 def diagnose(
     readings: Mapping[str, npt.ArrayLike] | pd.DataFrame | None = None,
     method: str = "fuzzy",

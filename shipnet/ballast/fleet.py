@@ -7,24 +7,26 @@ one array operation can advance all of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from os import PathLike
 from pathlib import Path
+from socket import gethostname
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.ballast.diagnosis import Diagnosis, Run, diagnose_run
 from shipnet.ballast.plant import FAULTS, Command, Fault, Plant
 from shipnet.ballast.sensors import CHANNELS
 from shipnet.ballast.simulation import record
 from shipnet.ballast.trials import BASIS, spread_valves
-from shipnet.errors import load_extra
+from shipnet.errors import InputError, load_extra
 from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import pd
-from shipnet.parallel import Progress, compute, save_whole
+from shipnet.parallel import Progress, Workers, spread
 
 #: Valves per block; they are commanded together, so the number affects the data.
 BLOCK = 50
@@ -54,6 +56,7 @@ class _Block(NamedTuple):
     strokes: int
     idle_step: float
     seed: int
+    about: Mapping[str, str]
 
 
 class _History(NamedTuple):
@@ -124,16 +127,19 @@ def _days(
         yield day, run, diagnosis
 
 
-def _written(block: _Block, rng: np.random.Generator) -> dict[str, int]:
-    """Write the files of a block and return its counts; this function runs as a task."""
+def _written(block: _Block) -> dict[str, int]:
+    """Write the files of a block that are not there yet, and return its counts."""
+    save = _Writer(block)
+    # The file of the faults is written last, and carries the counts.
+    if (about := save.read("faults")) is not None:
+        return {**json.loads(about["counts"]), "bytes": save.size()}
+    rng = np.random.default_rng(np.random.SeedSequence(block.seed, spawn_key=(block.number,)))
     history = [_History.drawn(block.days, block.faults_per_year, rng) for _ in range(block.valves)]
     faults = [fault for valve, mine in enumerate(history, 1) for fault in mine.faults(valve)]
     system = spread_valves(block.valves, rng)
-    save = _Writer(block)
     first = BLOCK * block.number + 1
     rows = [(first + k, *row) for k, mine in enumerate(history) for row in mine.rows]
     truth = pd.DataFrame(rows, columns=["valve", "code", "start_s", "grows_days", "stop_s"])
-    save(truth.astype({"valve": "int32", "code": "object"}), "faults")
     n_valves, categories = block.valves, ["", *FAULTS]
 
     def labelled(valve: np.ndarray, time: np.ndarray, columns: dict[str, Any]) -> pd.DataFrame:
@@ -164,38 +170,76 @@ def _written(block: _Block, rng: np.random.Generator) -> dict[str, int]:
         place, start = moved["valve"].to_numpy(int) - 1, moved["start_s"].to_numpy(float)
         save(labelled(place, start, columns), "strokes", folder)
         samples, strokes = samples + len(table), strokes + len(moved)
-    return {
-        "block": block.number, "valves": n_valves, "faults": len(truth), "samples": samples,
-        "strokes": strokes, "bytes": save.size,
-    }  # fmt: skip
+    counts = {
+        "block": block.number,
+        "valves": n_valves,
+        "faults": len(truth),
+        "samples": samples,
+        "strokes": strokes,
+    }
+    truth = truth.astype({"valve": "int32", "code": "object"})
+    save(truth, "faults", counts=json.dumps(counts))
+    return {**counts, "bytes": save.size()}
 
 
 class _Writer:
-    """Writes each table of a block atomically, to a file that is marked as synthetic."""
+    """Writes each table of a block to a file that is marked as synthetic, unless it is there."""
 
     def __init__(self, block: _Block) -> None:
-        from shipnet import __version__
-
         self._arrow = load_extra("pyarrow", "pyarrow")
         self._parquet = load_extra("pyarrow.parquet", "pyarrow")
-        self._block, self.size = block, 0
-        settings = {k: v for k, v in block._asdict().items() if k not in ("folder", "number")}
-        self._about = {"synthetic": BASIS, "made_by": f"shipnet {__version__}", **settings}
+        self._folder, self._about = Path(block.folder), block.about
+        self._name = f"block-{block.number:04d}.parquet"
 
-    def __call__(self, table: pd.DataFrame, *folders: str) -> None:
+    def read(self, *folders: str) -> dict[str, str] | None:
+        """Return what a complete file says about itself, or None if there is no such file."""
+        return _about(self._folder.joinpath(*folders, self._name), self._about)
+
+    def size(self) -> int:
+        """Return the number of bytes of all files of the block."""
+        return sum(file.stat().st_size for file in self._folder.rglob(self._name))
+
+    def __call__(self, table: pd.DataFrame, *folders: str, **more: str) -> None:
+        if self.read(*folders) is not None:
+            return
         made = self._arrow.Table.from_pandas(table, preserve_index=False)
-        about = {name: str(value) for name, value in self._about.items()}
-        made = made.replace_schema_metadata({**made.schema.metadata, **about})
-        path = Path(self._block.folder, *folders, f"block-{self._block.number:04d}.parquet")
+        made = made.replace_schema_metadata({**made.schema.metadata, **self._about, **more})
         # The intervals between times have few distinct values, and so do the other columns.
         others = [name for name in made.column_names if name != "time"]
         steps = {"time": "DELTA_BINARY_PACKED"} if "time" in made.column_names else None
         write = partial(self._parquet.write_table, made, compression="zstd")
-        save_whole(path, partial(write, use_dictionary=others, column_encoding=steps))
-        self.size += path.stat().st_size
+        write = partial(write, use_dictionary=others, column_encoding=steps)
+        save_whole(self._folder.joinpath(*folders, self._name), write)
 
 
-@checked
+def _about(file: Path, expected: Mapping[str, str]) -> dict[str, str] | None:
+    """Return what a file of a fleet says about itself; None if it is absent or damaged."""
+    arrow = load_extra("pyarrow", "pyarrow")
+    try:
+        metadata = load_extra("pyarrow.parquet", "pyarrow").read_schema(file).metadata or {}
+    except (FileNotFoundError, arrow.ArrowInvalid):
+        return None
+    about = {name.decode(): value.decode(errors="replace") for name, value in metadata.items()}
+    for name, value in expected.items():
+        if about.get(name) != value:
+            raise InputError(
+                str(file),
+                f"is of another fleet: its {name} is {about.get(name)!r}, not {value!r}; give an "
+                "empty folder",
+            )
+    return about
+
+
+def save_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Let `write` fill a temporary file, and rename it, so that no reader sees a partial file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{gethostname()}.{os.getpid()}")
+    write(temporary)
+    with temporary.open("rb+") as file:
+        os.fsync(file.fileno())
+    temporary.replace(path)
+
+
 def write_fleet(
     folder: str | PathLike[str],
     valves: int = 1000,
@@ -205,7 +249,7 @@ def write_fleet(
     strokes: int = 6,
     idle_step: float = 60.0,
     seed: int = 2024,
-    client: Any = None,
+    workers: Workers = 1,
     progress: bool | Progress | None = None,
 ) -> pd.DataFrame:
     """Simulate a fleet with faults over months, and write labelled Parquet files for each day.
@@ -213,8 +257,8 @@ def write_fleet(
     Parameters
     ----------
     folder : path
-        Folder for the files. After an interruption, the same call resumes; a call with other
-        arguments is refused.
+        Folder for the files. After an interruption, the same call resumes: it skips complete
+        blocks. The files of a fleet with other arguments, or of another version, are refused.
     valves : int, default 1000
         Number of valves, 1..100000; each task simulates a block of up to 50.
     days : int, default 365
@@ -227,8 +271,13 @@ def write_fleet(
         Time between two readings while no motor of the block runs, 1..3600 [s]; otherwise 0.1 s.
     seed : int, default 2024
         Seed of the random numbers, 0..2^63 - 1.
-    client, progress
-        As in `shipnet.compute`; progress is reported block by block.
+    workers : int or map-like callable, default 1
+        Number of processes, 1..1024, or -1 for one per core, which need the package loky; or a
+        callable such as the ``map`` of a `concurrent.futures` executor or of Dask's
+        ``client.get_executor()``. The files do not depend on it.
+    progress : bool or callable, optional
+        Called as ``progress(done, total)`` after each block. True shows a bar, False none; by
+        default, a bar appears on a terminal after 2 s.
 
     Returns
     -------
@@ -259,6 +308,8 @@ def write_fleet(
     ...     write_fleet(folder, valves=60, days=2)["strokes"].tolist()
     [505, 95]
     """
+    from shipnet import __version__
+
     load_extra("pyarrow", "pyarrow")
     where = Path(folder).absolute()
     count = check_whole("valves", valves, 1, 100_000)
@@ -267,13 +318,27 @@ def write_fleet(
     times = check_whole("strokes", strokes, 0, 100)
     idle = check_scalar("idle_step", idle_step, "s", 1, 3600)
     source = check_whole("seed", seed, 0, 2**63 - 1)
+    settings = {
+        "valves": count,
+        "days": lasts,
+        "faults_per_year": rate,
+        "strokes": times,
+        "idle_step": idle,
+        "seed": source,
+    }
+    about = {"synthetic": BASIS, "made_by": f"shipnet {__version__}"}
+    about |= {name: str(value) for name, value in settings.items()}
+    try:
+        where.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise InputError(str(where), f"cannot be used: {problem.strerror}") from problem
+    if (earlier := next(where.rglob("block-*.parquet"), None)) is not None:
+        _about(earlier, about)
     blocks = [
-        _Block(str(where), k, min(BLOCK, count - first), lasts, rate, times, idle, source)
+        _Block(str(where), k, min(BLOCK, count - first), lasts, rate, times, idle, source, about)
         for k, first in enumerate(range(0, count, BLOCK))
     ]
-    found = compute(
-        _written, blocks, seed=source, client=client, folder=where / "done", progress=progress
-    )
+    rows = spread(_written, blocks, workers, progress)
     for torn in where.glob("*/**/.block-*"):
         torn.unlink()  # a temporary file left by a writer that was killed
-    return pd.DataFrame(found).set_index("block")
+    return pd.DataFrame(rows).set_index("block")

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.ballast.diagnosis import Recorder, Run, diagnose_run
 from shipnet.ballast.master import Screen, Station
 from shipnet.ballast.plant import FAULTS, Fault, Plant
@@ -86,7 +85,6 @@ class Step(NamedTuple):
     passed: bool
 
 
-@checked
 class TestBed:
     """The test bed of Figure 15: five valves, line, master, gateway to a PC, and a tank on valve 3.
 
@@ -184,7 +182,6 @@ class TestBed:
         return serve_slaves(self.gateway, clock=lambda: self.time, **options)
 
 
-@checked
 def acceptance_tests(*, bit_rate: float = 9600.0, rng: Any = None) -> pd.DataFrame:
     """Carry out the four tests of section 4 of kim2014, each on a new test bed.
 
@@ -334,7 +331,6 @@ def _at(step: str, position: float, target: float) -> Step:
     return Step(step, f"{target:g} %", f"{position:g} %", near)
 
 
-@checked
 def serve(
     n_valves: int = 64,
     *,
@@ -430,7 +426,6 @@ class Link:
         self._socket.close()
 
 
-@checked
 class ModelValves:
     """Valves without a server; the caller sets the simulated time.
 
@@ -471,7 +466,6 @@ class ModelValves:
         return Response.parse(answer(self._slaves, Adu(unit, request.pdu), self.time).pdu, request)
 
 
-@checked
 class Client:
     """A client that commands and reads valves over Modbus/TCP, as the paper's PC does.
 

@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.plant import Command, Plant
@@ -85,7 +84,6 @@ class Write(NamedTuple):
         return ExceptionCode(self.response[1]).name.replace("_", " ").lower()
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Screen:
     """Every valve as the master shows it at one time.
@@ -149,11 +147,11 @@ class Screen:
 
         With at most 20 bars per row, each bar also shows its valve's position [%] and number.
         """
-        ax = style.axes(ax)
         units = self.shown.index.to_numpy()
         if selected is not None:
             selected = check_whole("selected", selected, 1, len(units))
         wide = min(len(units), check_whole("columns", columns, 1, 1000))
+        ax = style.axes(ax)
         rows = -(-len(units) // wide)
         places = np.arange(len(units))
         x, y = places % wide, rows - 1 - places // wide
@@ -191,7 +189,6 @@ class Screen:
         return ax
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class MasterRun:
     """What a master received from its valves, as returned by `simulate` for a system with a poll.

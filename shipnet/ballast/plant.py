@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.ballast.actuator import (
     Actuator,
@@ -68,7 +67,6 @@ def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
     return [check_whole("one of valves", valve, 1, n_valves) - 1 for valve in known]
 
 
-@checked
 @record
 class Command:
     """A command to one or more valves.
@@ -191,7 +189,6 @@ FAULTS: dict[str, tuple[str, tuple[Change, ...]]] = {
 _SENSORS = {channel.name: place for place, channel in enumerate(CHANNELS)}
 
 
-@checked
 @record
 class Fault(TimedFault):
     """A fault of one or more valves.

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers, Words
 from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.datasets import path
@@ -137,7 +136,6 @@ class Status(NamedTuple):
         return table.assign(**flags, operating_s=self.operating_time)
 
 
-@checked
 @record(slots=True)
 class RegisterMap:
     """An interpretation of Tables 2 and 3.

@@ -7,7 +7,6 @@ from functools import cache
 from math import inf
 
 from shipnet import datasets
-from shipnet.arguments import checked
 from shipnet.arrays import Bools
 from shipnet.fields import check_choice, check_scalar
 from shipnet.fuzzy.rules import RuleBase
@@ -21,7 +20,6 @@ VERSIONS = {"printed": "printed", "corrected": "meant"}
 FILLS = ("absent", "normal", "physical")
 
 
-@checked
 def rule_base(slow_stroke: float | None = None) -> RuleBase:
     """Return the twelve rules of Table 1 of kim2014 as a rule base.
 
@@ -89,7 +87,6 @@ def _rows(name: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-@checked
 def rule_vectors(version: str = "corrected", *, fill: str = "absent") -> pd.DataFrame:
     """Return the values with which kim2014 tests its rules.
 

@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.ballast.sensors import Sensors
@@ -32,7 +31,6 @@ READ_STATUS = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 _SCREEN = 2.0
 
 
-@checked
 def status_poll(
     line: SerialLine | float = 9600.0,
     *,
@@ -75,7 +73,6 @@ def command_poll(poll: Poll) -> Poll:
     return replace(poll, request=request, retries=0)
 
 
-@checked
 @record(eq=False)
 class System:
     """Valves and, if there is a poll, the line and the master that scans them.

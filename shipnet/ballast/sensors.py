@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import record, whole
@@ -58,7 +57,6 @@ def stroke_speed(speed: Floats, ran: npt.ArrayLike) -> Floats:
 _NAMES = tuple(channel.name for channel in CHANNELS)
 
 
-@checked
 @record
 class Sensors:
     """The sensors of a slave, in the order and the units of `CHANNELS`: FP, OP, MC, OT, VPos.

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.master import MasterRun, scan_fleet
 from shipnet.ballast.plant import Command, Fault, Plant
@@ -45,7 +44,6 @@ def blocks(
     return record(plant, orders, sorted(events), last, pause, most)
 
 
-@checked
 def simulate(
     system: System | int = 1,
     commands: Iterable[Command] = (),

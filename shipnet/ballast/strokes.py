@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fuzzy.rules import RuleBase
@@ -60,7 +59,6 @@ _RULES = {
 Judge = Callable[["pd.DataFrame", "pd.DataFrame"], npt.ArrayLike]
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Strokes:
     """Recorded strokes of hydraulic actuators, as returned by `read_strokes`.
@@ -253,7 +251,6 @@ class Strokes:
         return table.set_index(index).sort_index()
 
 
-@checked
 def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
     """Read recorded strokes of hydraulic actuators.
 

@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.diagnosis import Diagnosis, Run, Tail, diagnose_run, stroke_rows
 from shipnet.ballast.plant import FAULTS, Command, Fault
@@ -59,7 +58,6 @@ def spread_valves(n_valves: int, rng: np.random.Generator) -> System:
     return System(actuator=actuator)
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Trials:
     """Trials of the diagnosis, as returned by `fault_trials`.
@@ -160,7 +158,6 @@ class Trials:
         return ax
 
 
-@checked
 def fault_trials(
     codes: Iterable[str] = (NORMAL, *FAULTS),
     *,
@@ -268,7 +265,6 @@ def _some(name: str, words: Iterable[str], known: Collection[str]) -> list[str]:
     return [check_choice(f"one of {name}", word, known) for word in given]
 
 
-@checked
 def false_alarms(
     n_valves: int = 256,
     *,
@@ -358,7 +354,6 @@ _FAULT_COLUMNS = {
 }  # fmt: skip
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class FleetReport:
     """The faults and alarms of a fleet, as returned by `run_fleet`.
@@ -507,7 +502,6 @@ class FleetReport:
         return ax
 
 
-@checked
 def run_fleet(
     system: System | int,
     commands: Iterable[Command],

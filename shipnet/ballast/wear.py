@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.ballast.actuator import Actuator, hydraulics, load_pressure, stroke_time
 from shipnet.errors import ArgumentError
@@ -32,7 +31,6 @@ LIMIT = 10.0
 _GRID = 2001
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Wear:
     """Data on valves whose pumps wear out, such as those that `Wear.synthetic` creates.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.can.faults import ErrorBound
+from shipnet.can.frame import hexadecimal
 from shipnet.can.lengths import Octets
-from shipnet.can.log import Log, hexadecimal
+from shipnet.can.log import CLOCK_TOLERANCE, Log, coarse, lateness
 from shipnet.can.log_files import log_kind, read_log
 from shipnet.can.messages import BIT_RATES, Message, MessageSet, bus_load, read_list
 from shipnet.can.response import Assignment, Assumptions, ResponseTimes, audsley, response_times
@@ -24,13 +24,7 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 
-#: Largest relative error of a clock on a CAN bus: Bosch, CAN specification 2.0, part B, section 9.
-CLOCK_TOLERANCE = 0.0158
 
-_STAMP = 1e-6  #: Resolution of the time stamps in a log [s].
-
-
-@checked
 def read_messages(
     path: str | PathLike[str],
     *,
@@ -56,8 +50,9 @@ def read_messages(
         Period of messages that have none in the file, 1e-6..1e5 [s].
     strict : bool, default True
         If True, faults in a DBC file raise an error. If False, messages with overlapping or
-        oversized signals are kept, other faulty messages (CAN FD, no cycle time, duplicate name or
-        identifier) are omitted, and `MessageSet.overlooked` lists all these faults.
+        oversized signals are kept, other faulty messages (CAN FD, more than 8 bytes, no cycle time,
+        duplicate name or identifier) are omitted, and `MessageSet.overlooked` lists all these
+        faults.
 
     Returns
     -------
@@ -78,14 +73,32 @@ def read_messages(
     count as 29-bit. In a DBC file the period is ``GenMsgCycleTime`` [ms]; 0 means none. Signals are
     checked but not stored.
 
-    A message found in a log is named after its identifier, and its ``dlc`` is the largest found. It
-    counts as periodic if it is sent throughout the log and at least three quarters of the times
-    between its frames differ from their mean by at most two thirds. Its period is that mean, and
-    deviations count as waits for the bus, not as jitter. Any other message is not periodic, and
-    `MessageSet.aperiodic` names it: its period is the length of the log divided by its number of
-    frames, and its jitter allows as many frames to be queued at once as the log has in any window
-    of the shortest period. A message seen only once has the given `period`, if any. A log does not
-    show deadlines; each is assumed to be the period plus the jitter.
+    A message found in a log is named after its identifier, and its ``dlc`` is the largest found.
+    `MessageSet.observed` describes its frames; ``kind`` is one of:
+
+    ``periodic``: sent throughout the log, at least three quarters of the times between frames
+    within half a period of the period. ``period_ms`` is the median time per frame between any two
+    frames, with up to a quarter of the frames lost. ``jitter_ms`` is the range of the deviations
+    from the median of 17 neighbours, so that a drifting clock causes none; it includes waits for
+    the bus. As a log cannot tell these waits from jitter, the message has no jitter in an analysis;
+    use `MessageSet.replace` to set one.
+
+    ``burst``: several frames at a time, periodically. ``burst`` is the largest number of frames
+    without a gap longer than the mean, ``shortest_ms`` the shortest time between two frames, and
+    ``period_ms`` and ``jitter_ms`` are those of the first frames.
+
+    ``event``: any other. ``burst`` is the largest number of frames in any window as long as the
+    shortest period of the set, and ``shortest_ms`` is the minimum inter-arrival time.
+
+    ``unclear``: fewer than four frames or bursts; a longer log is required. A single frame has the
+    given `period`, if any.
+
+    In an analysis, the period of a message that is not periodic is the length of the log divided by
+    its number of frames, and its jitter allows a burst with the shortest time between frames. A log
+    does not show deadlines; each is assumed to be the period plus the jitter. ``longest_ms`` is the
+    longest time without a frame, ``wander_ms`` the largest deviation from the period as `compare`
+    counts it, and ``step_ms`` the step of the time stamps. No deviation shorter than this step can
+    be seen; a step longer than the shortest frame (47 us) is named with the results.
 
     The load of these messages therefore equals that of `Log.load`, except that all possible stuff
     bits count (up to 23 % more bits), that all frames of a message count as long as its longest,
@@ -171,15 +184,21 @@ class Analysis:
     def verdict(self) -> str:
         """The number of messages, `lowest` and `lowest_in_best_order`, in one line.
 
-        For a log with messages that are not periodic, the line ends with their number.
+        For a log, the line ends with the number of messages of each kind, and with the step of
+        the time stamps if it is coarse.
         """
         given, best = (
             "none" if rate == math.inf else f"{rate / 1e3:g} kbit/s"
             for rate in (self.lowest, self.lowest_in_best_order)
         )
-        number, odd = len(self.messages), len(self.messages.aperiodic)
-        log = f"; from a log: {odd} of {number} are not periodic" if odd else ""
-        return f"{number} messages, lowest bit rate: {given}, in the best order: {best}{log}"
+        notes = [
+            f"{len(self.messages)} messages, lowest bit rate: {given}, in the best order: {best}"
+        ]
+        if (observed := self.messages.observed) is not None:
+            kinds = Counter(observed["kind"].sort_values())
+            notes += ["from a log: " + ", ".join(f"{n} {kind}" for kind, n in kinds.items())]
+            notes += coarse(observed["step_ms"].max() / 1e3)
+        return "; ".join(notes)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw each message's deadline and longest response time at the bit rate of `at_lowest`."""
@@ -191,7 +210,6 @@ class Analysis:
         return f"Analysis({self.verdict})"
 
 
-@checked
 def analyse(
     messages: MessageSet | Log | str | PathLike[str],
     bit_rates: float | Iterable[float] = BIT_RATES,
@@ -212,8 +230,8 @@ def analyse(
         Period of messages that have none in the file or log, 1e-6..1e5 [s].
     assumptions : Assumptions, optional
         Assumptions about the lengths of frames and the definition of the response time. By default,
-        if some messages of a log are not periodic, response times begin when a message is queued
-        and are compared with the periods.
+        response times of messages from a log begin when a message is queued, and are compared with
+        the periods.
     faults : ErrorBound, optional
         Bound on the number of errors on the bus; no errors by default.
 
@@ -243,10 +261,10 @@ def analyse(
     if not rates or not all(1000 <= rate <= 1e6 and rate % 1 == 0 for rate in rates):
         raise ArgumentError(f"bit_rates is {bit_rates!r}; each must be whole, 1000..1000000 bit/s")
     known = _messages(messages, period)
-    if assumptions is None and known.aperiodic:
+    if assumptions is None and known.observed is not None:
         assumptions = Assumptions(own_jitter=False)
         queued = (replace(message, deadline=message.deadline - message.jitter) for message in known)
-        known = MessageSet(queued, aperiodic=known.aperiodic)
+        known = MessageSet(queued, observed=known.observed)
     responses = {
         rate: response_times(known, rate, assumptions=assumptions, faults=faults) for rate in rates
     }
@@ -283,6 +301,7 @@ class LogComparison:
     """
 
     _table: pd.DataFrame
+    _step: float
 
     def table(self) -> pd.DataFrame:
         """Return one row per message, then one per unplanned identifier, indexed by ``name``.
@@ -305,7 +324,9 @@ class LogComparison:
         counts = Counter(word for words in said for word in words.split(", "))
         planned = len(said) - counts["unknown"]
         odd = [f"{counts[word]} {word}" for word in _WORDS if counts[word]]
-        return f"{planned} messages, {', '.join(odd) or 'all as planned'}"
+        return "; ".join(
+            [f"{planned} messages, {', '.join(odd) or 'all as planned'}", *coarse(self._step)]
+        )
 
     def __repr__(self) -> str:
         return f"LogComparison({self.verdict})"
@@ -315,12 +336,12 @@ class LogComparison:
 _WORDS = ("missing", "late", "faster", "other length", "unknown", "not seen")
 
 
-@checked
 def compare(
     messages: MessageSet | Log | str | PathLike[str],
     log: Log | str | PathLike[str],
     *,
     period: float | None = None,
+    pgn: bool = False,
 ) -> LogComparison:
     r"""Compare a log with a plan: find messages that are missing, late, too frequent or unknown.
 
@@ -332,7 +353,10 @@ def compare(
               \text{faster if they span less than } n T (1 - \epsilon) - D
 
     where :math:`\epsilon` = 1.58 % is the largest relative error of a clock on the bus (Bosch, "CAN
-    Specification" 2.0, 1991, part B, section 9). A jitter above :math:`D` takes its place.
+    Specification" 2.0, 1991, part B, section 9). A jitter above :math:`D` takes its place. The step
+    of the time stamps is added to :math:`D`; the verdict names it if it is coarse. In a plan from a
+    log, what that log shows is as planned: :math:`D` is at least its ``wander_ms``, the longest
+    silence is that of the log, and messages without a period are neither late nor faster.
 
     Parameters
     ----------
@@ -343,6 +367,9 @@ def compare(
         unknown messages and unexpected lengths are found.
     period : float, optional
         Period of planned messages that have none in the file, 1e-6..1e5 [s].
+    pgn : bool, default False
+        True to recognise all messages with 29-bit identifiers by their PGN, whatever the priority,
+        source and destination. Messages that a DBC file assigns to J1939 or NMEA 2000 always are.
 
     Returns
     -------
@@ -350,7 +377,8 @@ def compare(
         One row per message, with a verdict: ``as planned``; one or more of ``late`` (also if no
         frame was sent for more than :math:`T (1 + \epsilon) + D` at either end of the log),
         ``faster`` and ``other length``; ``missing``, or ``not seen`` if the log is too short to
-        decide; ``unknown`` if the identifier is not planned.
+        decide; ``unknown`` if the identifier is not planned. A message recognised by its PGN has
+        one row per identifier in the log; if there are several, they are named after it.
 
     Raises
     ------
@@ -374,38 +402,61 @@ def compare(
     times = found.time[order] - (found.time.min() if len(found) else 0.0)
     end = times.max() if len(found) else math.nan
     known = {message.arbitration_id << 1 | message.extended: message for message in plan}
+    groups = {
+        _pgn(key): message
+        for key, message in reversed(known.items())
+        if message.extended and (pgn or message.name in plan.any_source)
+    }
+    sources: dict[Message | None, list[int]] = defaultdict(list)
+    for key in np.unique(keys).tolist():
+        sources[known.get(key) or (groups.get(_pgn(key)) if key & 1 else None)].append(key)
+    for key, message in known.items():
+        if message not in sources:
+            sources[message].append(key)
     rows: list[tuple[Any, ...]] = []
-    for key in [*known, *(key for key in np.unique(keys).tolist() if key not in known)]:
-        own = slice(*np.searchsorted(keys, [key, key + 1]))
-        gaps = np.diff(times[own])
-        silence = float(np.diff(times[own], prepend=0.0, append=end).max())
-        name, wanted, odd = hexadecimal(key), math.nan, ["unknown"]
-        if message := known.get(key):
+    for message, key in ((one, key) for one in (*plan, None) for key in sources[one]):
+        chosen = slice(*np.searchsorted(keys, [key, key + 1]))
+        gaps = np.diff(times[chosen])
+        silence = float(np.diff(times[chosen], prepend=0.0, append=end).max())
+        number, wanted, odd = hexadecimal(key >> 1, bool(key & 1)), math.nan, ["unknown"]
+        name = number
+        if message:
             name, wanted = message.name, message.period
-            odd = _differences(message, times[own], codes[own], silence, name in plan.aperiodic)
+            name += f" {number}" if len(sources[message]) > 1 else ""
+            seen = None if plan.observed is None else plan.observed.loc[message.name]
+            odd = _differences(message, times[chosen], codes[chosen], silence, found.step, seen)
         usual = (gaps.min(), gaps.mean()) if len(gaps) else (math.nan, math.nan)
         spans = (1e3 * span for span in (wanted, *usual, silence))
-        rows.append((name, key >> 1, len(times[own]), *spans, ", ".join(odd) or "as planned"))
+        rows.append((name, number, len(times[chosen]), *spans, ", ".join(odd) or "as planned"))
     columns = ["name", "arbitration_id", "frames", "period_ms", "shortest_ms", "mean_ms"]
     table = pd.DataFrame(rows, columns=[*columns, "longest_ms", "verdict"])
-    return LogComparison(table.set_index("name").round(6))
+    return LogComparison(table.set_index("name").round(6), found.step)
+
+
+def _pgn(key: int) -> int:
+    """Return the PGN in the 29-bit identifier of a key; it excludes a destination address."""
+    group = key >> 9 & 0x3FFFF
+    return group if group >> 8 & 0xFF >= 240 else group & 0x3FF00
 
 
 def _differences(
-    message: Message, times: Floats, codes: Octets, silence: float, aperiodic: bool
+    message: Message, times: Floats, codes: Octets, silence: float, step: float, seen: Any
 ) -> list[str]:
-    """Return the verdicts on the frames of a message; no verdict if they are as planned."""
-    slack = math.inf if aperiodic else max(message.deadline, message.jitter) + _STAMP
-    slow, fast = (message.period * (1 + sign * CLOCK_TOLERANCE) for sign in (1, -1))
+    """Return the verdicts on the frames of a message; no verdict if they are as planned.
+
+    If the plan is from a log, `seen` is its row there: what that log shows is planned.
+    """
+    slack = max(message.deadline, message.jitter) + step
+    quiet = message.period * (1 + CLOCK_TOLERANCE) + slack
+    if seen is not None:
+        slack = max(slack, seen["wander_ms"] / 1e3 + step) if seen["wander_ms"] >= 0 else math.inf
+        quiet = max(quiet, seen["longest_ms"] / 1e3 + step) if slack < math.inf else math.inf
     if not len(times):
-        return ["not seen" if silence <= slow + slack else "missing"]
-    number = np.arange(len(times))
-    late = silence > slow + slack or _rise(times - number * slow) > slack
-    faster = _rise(number * fast - times) > slack
-    odd = {"late": late, "faster": faster, "other length": (codes != message.dlc).any()}
-    return [word for word, found in odd.items() if found]
-
-
-def _rise(values: Floats) -> float:
-    """Return the largest increase from an earlier value to a later one."""
-    return float((values - np.minimum.accumulate(values)).max())
+        return ["not seen" if silence <= quiet else "missing"]
+    late, early = lateness(times, message.period)
+    odd = {
+        "late": silence > quiet or late > slack,
+        "faster": early > slack,
+        "other length": (codes != message.dlc).any(),
+    }
+    return [word for word, differs in odd.items() if differs]

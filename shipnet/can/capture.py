@@ -16,11 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Bytes, Floats, Indices, Integers
-from shipnet.can.frame import CRC_BITS, HEADS, RUN, TAIL, check_bit_rate
+from shipnet.can.frame import CRC_BITS, HEADS, RUN, TAIL, check_bit_rate, hexadecimal
 from shipnet.can.lengths import frame_length
-from shipnet.can.log import Log, hexadecimal
+from shipnet.can.log import Log
 from shipnet.can.messages import BIT_RATES
 from shipnet.crc import CAN as CRC
 from shipnet.errors import (
@@ -330,7 +329,7 @@ class Capture:
         for row, key in enumerate(np.unique(keys).tolist()):
             own = table[table["error"] == "ok"][keys == key]
             ax.hlines(np.full(len(own), row), own["start_s"], own["end_s"], color="C0", linewidth=7)
-        names = [hexadecimal(key) for key in np.unique(keys).tolist()]
+        names = [hexadecimal(key >> 1, key & 1) for key in np.unique(keys).tolist()]
         if len(wrong := table[table["error"] != "ok"]):
             ax.plot(
                 wrong["start_s"], np.full(len(wrong), len(names)), "x", color=style.LIMIT["color"]
@@ -350,7 +349,6 @@ class Capture:
         )
 
 
-@checked
 def read_capture(
     path: str | PathLike[str],
     bit_rate: float | None = None,
@@ -437,7 +435,10 @@ def read_capture(
         {
             "start_s": start,
             "end_s": end,
-            "arbitration_id": pd.array(rows.number, dtype="Int64"),
+            "arbitration_id": [
+                hexadecimal(*pair)
+                for pair in zip(rows.number.tolist(), rows.extended.tolist(), strict=True)
+            ],
             "extended": pd.array(rows.extended, dtype="boolean"),
             "remote": pd.array(rows.remote, dtype="boolean"),
             "dlc": pd.array(rows.dlc, dtype="Int64"),

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TypeAlias
 
-from shipnet.arguments import checked
 from shipnet.clock import Fault, nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, record, whole
 
 __all__ = ["ERROR_BITS", "BitErrors", "ErrorAt", "ErrorBound"]
+__dir__ = __all__.copy
 
 #: Published costs of an error in addition to the retransmission [bit], for `ErrorBound.bits`. Here
 #: a frame includes its intermission of 3 bits; Broster et al. exclude it, so their 29 bits are 26
@@ -50,7 +50,6 @@ class ErrorAt:
     time: float = number(0, 1e6, "s", "When the bit is disturbed")
 
 
-@checked
 @record
 class ErrorBound:
     r"""Bound on the errors in any interval of length :math:`t`, and on the bus time that they cost.

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.crc import CAN as CRC
 from shipnet.errors import (
     AcknowledgeError,
@@ -48,6 +47,11 @@ HEADS = (_BASE, _EXTENDED)  #: The fields before the data, without and with an e
 def highest_id(extended: bool) -> int:
     """Return the highest arbitration id, which has the lowest priority."""
     return 2**29 - 1 if extended else 2**11 - 1
+
+
+def hexadecimal(number: int, extended: bool) -> str:
+    """Return an arbitration id as people read it: hexadecimal, with 3 or 8 digits."""
+    return f"0x{number:0{8 if extended else 3}X}"
 
 
 def payload(dlc: int, remote: bool = False) -> int:
@@ -242,7 +246,7 @@ class Frame:
         return f"Frame({self})"
 
     def __str__(self) -> str:
-        number = f"{self.arbitration_id:0{8 if self.extended else 3}X}"
+        number = hexadecimal(self.arbitration_id, self.extended)[2:]
         length = min(self.dlc, 8)
         content = (f"R{length or ''}") if self.remote else self.data.hex().upper()
         return f"{number}#{content}" + (f"_{self.dlc:X}" if self.dlc > 8 else "")
@@ -296,7 +300,6 @@ class _Line:
             )
 
 
-@checked
 def decode(bits: str) -> Frame:
     """Decode the frame at the beginning of a string of bits.
 
@@ -368,7 +371,6 @@ def decode(bits: str) -> Frame:
     return Frame(int(number, 2), content, extended, remote == "1", dlc)
 
 
-@checked
 class Arbitration(NamedTuple):
     """The outcome of an arbitration, as returned by `arbitrate`.
 
@@ -408,7 +410,6 @@ class Arbitration(NamedTuple):
         return plot_contest(list(rows), self.bus, ax, upto)
 
 
-@checked
 def arbitrate(frames: Sequence[Frame]) -> Arbitration:
     """Return the arbitration, bit by bit, between frames that begin at the same time.
 

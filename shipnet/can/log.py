@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections import Counter
 from dataclasses import dataclass
-from math import isfinite
-from pathlib import Path
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
-from shipnet.can.frame import check_bit_rate, highest_id
+from shipnet.can.frame import check_bit_rate, hexadecimal, highest_id
 from shipnet.can.lengths import measure_frames
 from shipnet.can.messages import Message, MessageSet
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import pd
+from shipnet.tables import save_suffix
 
 #: Legal kinds of numpy dtype for each column of a log.
 _KINDS = {
@@ -29,6 +29,13 @@ _KINDS = {
 
 
 _SHORTEST = 47e-6  #: Duration of the shortest frame at 1 Mbit/s [s].
+
+#: Largest relative error of a clock on a CAN bus: Bosch, CAN specification 2.0, part B, section 9.
+CLOCK_TOLERANCE = 0.0158
+
+_FEW = 4  #: Number of frames below which a log does not show whether a message is periodic.
+_FRAMES = 300  #: Largest number of frames from which a period is estimated.
+_NEIGHBOURS = 17  #: Number of frames whose median delay is the delay that jitter deviates from.
 
 
 def impossible(
@@ -44,15 +51,9 @@ def impossible(
         return f"it has {size} bytes of data; it must have 0..8"
     if size >= 0 and size != (0 if remote else min(dlc, 8)):
         return f"it has {size} bytes of data, but its data length code is {dlc}"
-    return "" if isfinite(time) else f"the time is {time}"
+    return "" if math.isfinite(time) else f"the time is {time}"
 
 
-def hexadecimal(key: int) -> str:
-    """Return the identifier in a key from `Log.keys`, in hexadecimal with 3 or 8 digits."""
-    return f"0x{key >> 1:0{8 if key & 1 else 3}X}"
-
-
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Log:
     """Recorded frames as columns, in the order of the file.
@@ -119,7 +120,19 @@ class Log:
         kinds = Counter(kind for _, _, kind in self.skipped)
         parts += [f"{count} {kind}s skipped" for kind, count in kinds.items()]
         parts += [f"{len(self.faults)} faults"] if self.faults else []
-        return f"Log({', '.join(parts)})"
+        return f"Log({', '.join([*parts, *coarse(self.step)])})"
+
+    @cached_property
+    def step(self) -> float:
+        """Largest step of which all time stamps are multiples [s]; at least 1 us.
+
+        In coarse steps some frames share a time stamp. If none do although at least one pair
+        should, the frames themselves are regular, and the step is 1 us.
+        """
+        gaps = np.rint(np.diff(np.sort(self.time[np.isfinite(self.time)])) * 1e6).astype(np.int64)
+        step = int(np.gcd.reduce(gaps))
+        rounded = step * len(gaps) ** 2 < gaps.sum() or not gaps.all()
+        return max(step * rounded, 1) / 1e6
 
     def _check_times(self, what: str) -> None:
         """Raise an error if the log has no time stamps."""
@@ -131,13 +144,15 @@ class Log:
         text = self.data.tobytes().hex(" ", 8).split() if len(self) else []
         size = np.where(self.remote, 0, np.minimum(self.dlc, 8))
         table = pd.DataFrame(dict(zip([*_KINDS][:6], self.columns, strict=False)))
+        keys, frames = np.unique(self.keys, return_inverse=True)
+        names = [hexadecimal(key >> 1, key & 1) for key in keys.tolist()]
+        table["arbitration_id"] = np.array(names, dtype=object)[frames]
         table["data"] = [octets[: 2 * n] for octets, n in zip(text, size, strict=True)]
         return table.rename(columns={"time": "time_s"})
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a ``.log`` file in the format of ``candump -l``."""
-        if Path(path).suffix.lower() != ".log":
-            raise ArgumentError(f"path is {str(path)!r}; its suffix must be .log")
+        save_suffix(path, ".log")
         self._check_times("a candump file")
         text = self.data.astype(np.uint8).tobytes().hex().upper()
         columns = (column.tolist() for column in self.columns[:6])
@@ -177,7 +192,7 @@ class Log:
                 mine = keys == key
                 own = size[mine]
                 peak = _sliding(when[mine], own, window).max() / (rate * window)
-                whose = (name, key >> 1, bool(key & 1))
+                whose = (name, hexadecimal(key >> 1, key & 1), bool(key & 1))
                 messages.append((*whose, len(own), own.sum(), own.sum() / rate / span, peak))
         columns = ["channel", "frames", "duration_s", "load", "peak_load"]
         each = ["channel", "arbitration_id", "extended", "frames", "bits", "load", "peak_load"]
@@ -206,24 +221,32 @@ class Log:
             )
         keys, size = self.keys, np.where(self.remote, 0, np.minimum(self.dlc, 8))
         times = {key: np.sort(self.time[keys == key]) for key in np.unique(keys).tolist()}
-        periods = {key: _period(own, span) for key, own in times.items()}
-        given = {key: period for key, own in times.items() if period and len(own) == 1}
-        means = {key: periods[key] or span / len(own) for key, own in times.items()} | given
-        shortest, resolution = min(means.values()), float(np.diff(np.unique(self.time)).min())
-        messages, aperiodic = [], []
-        for key, own in times.items():
-            name, mean, jitter = hexadecimal(key), round(min(means[key], 1e5), 9), 0.0
-            if periods[key] is None and key not in given:
-                aperiodic.append(name)
-                burst = _sliding(own, np.ones(len(own)), shortest).max()
-                jitter = float(np.clip((burst - 1) * mean - resolution, 0, 1e5 - mean).round(9))
+        patterns = {key: _pattern(when, span, self.step) for key, when in times.items()}
+        alone = {key: period for key, when in times.items() if period and len(when) == 1}
+        means = {key: pattern.mean for key, pattern in patterns.items()} | alone
+        messages, rows = [], []
+        for key, when in times.items():
+            name, mean, pattern = hexadecimal(key >> 1, key & 1), means[key], patterns[key]
+            frames = pattern.burst
+            if math.isnan(pattern.period):
+                frames = int(_sliding(when, np.ones(len(when)), min(means.values())).max())
+            jitter = (frames - 1) * (mean - pattern.shortest) - self.step if frames > 1 else 0.0
+            mean = round(min(mean, 1e5), 9)
+            jitter = round(min(max(jitter, 0.0), 1e5 - mean), 9)
+            silence = float(np.diff(when, prepend=self.time.min(), append=self.time.max()).max())
+            wander = max(lateness(when, mean)) if pattern.mean == pattern.period else math.nan
+            spans = (pattern.period, pattern.jitter, pattern.shortest, silence, wander, self.step)
+            rows.append((name, pattern.kind, len(when), frames, *(1e3 * span for span in spans)))
             messages.append(
                 Message(
                     name, key >> 1, int(size[keys == key].max()), mean, mean + jitter, jitter,
                     extended=bool(key & 1),
                 )
             )  # fmt: skip
-        return MessageSet(messages, aperiodic=aperiodic)
+        columns = ["name", "kind", "frames", "burst", "period_ms", "jitter_ms", "shortest_ms"]
+        columns += ["longest_ms", "wander_ms", "step_ms"]
+        observed = pd.DataFrame(rows, columns=columns).set_index("name").round(6)
+        return MessageSet(messages, observed=observed)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -269,14 +292,81 @@ class LogLoad:
         return f"LogLoad({'; '.join(parts)})"
 
 
-def _period(times: Floats, span: float) -> float | None:
-    """Return the period of a message in a log of length `span`; None if it is not periodic."""
-    if len(times) < 2:
-        return None
-    gaps = np.diff(times)
-    mean = float(gaps.mean())
-    usual = np.abs(gaps - mean) <= mean * 2 / 3
-    return mean if usual.mean() >= 0.75 and span <= (len(times) + 1) * mean else None
+class _Pattern(NamedTuple):
+    """How the frames of a message follow each other in a log; times in s.
+
+    `mean` is the time per frame, and `period` that from one frame or burst to the next.
+    """
+
+    kind: str
+    mean: float
+    period: float
+    jitter: float
+    burst: int
+    shortest: float
+
+
+def _pattern(times: Floats, span: float, step: float) -> _Pattern:
+    """Return the pattern of frames in a log of length `span` whose time stamps have this `step`."""
+    gaps, number = np.diff(times), len(times)
+    shortest = float(gaps.min(initial=math.inf)) if number > 1 else math.nan
+    clear = number >= _FEW
+    period, jitter = _period(times, span, step)
+    if period > 0:
+        kind = "periodic" if clear else "unclear"
+        return _Pattern(kind, period, period, jitter, 1, shortest)
+    mean = span / number
+    if clear:
+        first = np.concatenate([[True], gaps > gaps.mean()])
+        period, jitter = _period(times[first], span, step)
+        clear = int(first.sum()) >= _FEW
+        if clear and period > 0:
+            most = int(np.diff([*np.flatnonzero(first), number]).max())
+            return _Pattern("burst", mean, period, jitter, most, shortest)
+    return _Pattern("event" if clear else "unclear", mean, math.nan, math.nan, 1, shortest)
+
+
+def _period(times: Floats, span: float, step: float) -> tuple[float, float]:
+    """Return the period and the local jitter of frames; NaN unless they are sent regularly.
+
+    The period is the median of the time per frame between any two of up to 300 frames, as in the
+    Theil-Sen estimator. Lost frames are counted if the time stamps are fine enough.
+    """
+    from scipy.ndimage import median_filter
+
+    gaps, number = np.diff(times), np.arange(len(times), dtype=float)
+    if not len(gaps):
+        return math.nan, math.nan
+    pairs = gaps[1:] + gaps[:-1]
+    if (usual := float(np.median(pairs if len(pairs) else 2 * gaps)) / 2) >= 4 * step:
+        # After a lost frame, the two gaps to the neighbours are long; after a late one, one is.
+        pairs = np.concatenate([[math.inf], pairs, [math.inf]]) / usual
+        steps = np.minimum(np.rint(gaps / usual), np.rint(np.minimum(pairs[1:], pairs[:-1])) - 1)
+        number[1:] = np.maximum(1, steps).cumsum()
+    some = np.unique(np.linspace(0, len(times) - 1, _FRAMES).astype(int))
+    first, second = np.triu_indices(len(some), 1)
+    lags = number[some[second]] - number[some[first]]
+    period = float(np.median((times[some[second]] - times[some[first]]) / lags))
+    regular = np.abs(gaps - period) <= period / 2 + step
+    if regular.mean() < 0.75 or 0.75 * span > (len(times) + 1) * period:
+        return math.nan, math.nan
+    delay = times - number * period
+    local = delay - median_filter(delay, _NEIGHBOURS, mode="nearest")
+    return period, max(float(np.ptp(local)) - step, 0.0)
+
+
+def lateness(times: Floats, period: float) -> tuple[float, float]:
+    """Return how late and how early a frame is at most, relative to any frame before it [s]."""
+    number = np.arange(len(times))
+    slow, fast = (period * (1 + sign * CLOCK_TOLERANCE) for sign in (1, -1))
+    late, early = times - number * slow, number * fast - times
+    rises = (float((rise - np.minimum.accumulate(rise)).max()) for rise in (late, early))
+    return next(rises), next(rises)
+
+
+def coarse(step: float) -> list[str]:
+    """Return words that name the step of time stamps, if it is longer than the shortest frame."""
+    return [f"time stamps in steps of {step * 1e3:g} ms"] if step > _SHORTEST else []
 
 
 def _sliding(time: Floats, bits: Floats, window: float) -> Floats:

@@ -1,4 +1,4 @@
-"""Readers of CAN logs in the formats candump, CSV, ASC, BLF and TRC.
+"""Readers of CAN logs in the formats candump, Yacht Devices RAW, CSV, ASC, BLF and TRC.
 
 Records become rows, which `_Found.add` checks, except in `_take_plain`. python-can is used for ASC
 and TRC files, but not for BLF, because its BLF reader may never finish on a damaged file.
@@ -24,7 +24,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.can.frame import highest_id
 from shipnet.can.log import Log, impossible
 from shipnet.can.messages import said
@@ -140,16 +139,15 @@ def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     return np.flatnonzero(~kept[::-1])
 
 
-@checked
 def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     r"""Read a log of classic CAN frames.
 
     Parameters
     ----------
     path : str or path-like
-        A log written by ``candump -l`` or printed by candump, a CSV file from python-can or
-        SavvyCAN, or a BLF, ASC or TRC file; ASC and TRC require python-can. The format is
-        recognised by content, or otherwise by suffix.
+        A log written by ``candump -l`` or printed by candump, a RAW log of Yacht Devices, a CSV
+        file from python-can or SavvyCAN, or a BLF, ASC or TRC file; ASC and TRC require
+        python-can. The format is recognised by content, or otherwise by suffix.
     keep : bool, default False
         True to keep the readable frames of a damaged file; `Log.faults` lists what is missing.
 
@@ -225,7 +223,7 @@ def log_kind(file: Path) -> str:
         for kind, sign in _SIGNS.items():
             if sign.match(line):
                 return kind
-        if _LINE.match(line) or _table(line):
+        if _LINE.match(line) or _RAW.match(line) or _table(line):
             return "text"
     kind = file.suffix.lower()[1:]
     return kind if kind in ("asc", "blf", "trc") else ""
@@ -242,8 +240,9 @@ _PLAIN = re.compile(
 #: Any line of candump. A line number, a time or date, and a comment are optional; so is the length
 #: in brackets, which has two digits in CAN FD.
 _LINE = re.compile(
-    r"\s*(?:\d+[:.)|]?\s*(?=[(A-Za-z]))?(?:\((?P<time>[^()]{1,40})\)\s+)?(?P<channel>\S{1,64})\s+"
-    r"(?:[RT]X\s+[B-]\s+[E-]\s+)?(?P<id>[0-9A-Fa-f]{8}|[0-9A-Fa-f]{3})(?:"
+    r"\s*(?:\d+[:.)|]?\s*(?=[(A-Za-z]))?(?:\((?P<time>[^()]{1,40})\)\s+)?"
+    r"(?:(?P<channel>\S{1,64})\s+(?:[RT]X\s+[B-]\s+[E-]\s+)?|<0x(?=[0-9A-Fa-f]{3,8}>\s+\[))"
+    r"(?P<id>[0-9A-Fa-f]{8}|[0-9A-Fa-f]{3})>?(?:"
     r"#(?:(?P<fd>\#[0-9A-Fa-f]+)|(?P<ask>[Rr](?P<asked>[0-8]?))|(?P<data>(?:[0-9A-Fa-f]{2}){0,8}))"
     r"(?:_(?P<raw>[9A-Fa-f]))?(?:\s+[RT])?"
     r"|\s+\[(?P<size>\d{1,2})\](?P<rest>[^\#;/']*?)(?:\s'.{1,64}')?"
@@ -251,8 +250,14 @@ _LINE = re.compile(
     re.S,
 )
 
-#: A line without a frame: a comment, or the explanation of an error by ``candump -e``.
-_COMMENT = re.compile(r"\s*(?:\#|;|//|$)|\t[a-z-]+\{")
+#: A line of a RAW log of Yacht Devices, whose time is that of the day.
+_RAW = re.compile(
+    r"\s*(\d\d):([0-5]\d):([0-5]\d(?:\.\d{1,6})?)\s+[RT]\s+([0-9A-Fa-f]{8})((?:\s+[0-9A-Fa-f]{2})*)\s*"
+)
+
+#: A line without a frame: a comment, the first line of an early candump, or the explanation of an
+#: error by ``candump -e``.
+_COMMENT = re.compile(r"\s*(?:\#|;|//|$)|interface = |\t[a-z-]+\{")
 
 #: Legal forms of a number; Python's own conversions also accept underscores.
 _DECIMAL = re.compile(r"\d{1,18}(\.\d{0,12})?")
@@ -275,6 +280,8 @@ def _read_text(file: Path) -> _Found:
                     if table := _table(text):
                         parse = table
                         continue
+                    if parse is _candump and _RAW.match(text):
+                        parse = _raw_parser()
                     try:
                         found.add(place, parse(text))
                     except (ValueError, KeyError) as problem:
@@ -328,6 +335,7 @@ def _candump(line: str) -> _Row:
         )
     has = match.groupdict()
     number, extended = int(has["id"], 16), len(has["id"]) == 8
+    channel = has["channel"] or "can0"
     time = None if has["time"] is None else _seconds(has["time"])
     kind, remote = "", bool(has["ask"])
     if extended and number >> 29 == 1:
@@ -335,7 +343,7 @@ def _candump(line: str) -> _Row:
     elif has["fd"] or len(has["size"] or "") == 2:
         kind = _FD
     if kind:
-        return _Row(time, has["channel"], number, extended, False, 0, b"", kind)
+        return _Row(time, channel, number, extended, False, 0, b"", kind)
     if has["size"]:
         dlc, rest = int(has["size"]), has["rest"].strip()
         remote = rest == "remote request"
@@ -346,7 +354,29 @@ def _candump(line: str) -> _Row:
     else:
         data = bytes.fromhex(has["data"] or "")
         dlc = int(has["raw"] or has["asked"] or "0", 16) if remote or has["raw"] else len(data)
-    return _Row(time, has["channel"], number, extended, remote, dlc, data)
+    return _Row(time, channel, number, extended, remote, dlc, data)
+
+
+def _raw_parser() -> Callable[[str], _Row]:
+    """Return a parser for the lines of a RAW log; midnight has passed if the clock is set back."""
+    days, last = 0, 0.0
+
+    def parse(line: str) -> _Row:
+        nonlocal days, last
+        match = _RAW.fullmatch(line)
+        if match is None:
+            raise ValueError(
+                f"{_shown(line)} is not a frame; expected hh:mm:ss.mmm R identifier data"
+            )
+        hours, minutes, seconds, number, octets = match.groups()
+        clock = 3600.0 * int(hours) + 60 * int(minutes) + float(seconds)
+        days += clock < last - 43_200
+        last = clock
+        data = bytes.fromhex(octets)
+        time = round(86_400 * days + clock, 6)
+        return _Row(time, "bus", int(number, 16), True, False, len(data), data)
+
+    return parse
 
 
 def _seconds(text: str) -> float:

@@ -18,10 +18,9 @@ from typing import Any, Literal, NamedTuple, TypeVar, overload
 import numpy as np
 import numpy.typing as npt
 
-from shipnet import datasets
-from shipnet.arguments import checked
+from shipnet import datasets, tables
 from shipnet.arrays import Floats, Indices, Integers
-from shipnet.can.frame import check_bit_rate, highest_id
+from shipnet.can.frame import check_bit_rate, hexadecimal, highest_id
 from shipnet.can.lengths import Stuffing, length_table
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError, InputError, load_extra
@@ -30,6 +29,7 @@ from shipnet.fields import (
     Number,
     Switch,
     Whole,
+    check_choice,
     check_whole,
     declared,
     number,
@@ -101,6 +101,11 @@ class Message:
                 object.__setattr__(self, field, rounded)
 
     @property
+    def hex_id(self) -> str:
+        """Identifier in hexadecimal, with 3 digits or, if `extended`, 8."""
+        return hexadecimal(self.arbitration_id, self.extended)
+
+    @property
     def priority(self) -> tuple[int, bool, int]:
         """Sort key for arbitration; the smallest key wins.
 
@@ -165,7 +170,7 @@ def set_faults(messages: Iterable[Message]) -> list[tuple[int, str]]:
             faults.append((place, f"name {message.name!r} is taken"))
         priority = message.priority
         if priority in taken:
-            identifier = f"arbitration_id {message.arbitration_id:#x} of {message.name!r}"
+            identifier = f"arbitration_id {message.hex_id} of {message.name!r}"
             faults.append((place, f"{identifier} is taken by {taken[priority]!r}"))
         names.add(message.name)
         taken.setdefault(priority, message.name)
@@ -204,7 +209,6 @@ class Named(Sequence[T]):
         return self._items[self._place(key) if isinstance(key, str) else key]
 
 
-@checked
 class MessageSet(Named[Message]):
     """The messages of one bus, highest priority first.
 
@@ -214,8 +218,11 @@ class MessageSet(Named[Message]):
         The messages in any order; names and identifiers must be unique.
     overlooked : iterable of str, optional
         Faults that were ignored when the file was read.
-    aperiodic : iterable of str, optional
-        Names of the messages that are not periodic in the log from which the set was read.
+    observed : DataFrame, optional
+        The pattern of each message in the log from which the set was read, as described in the
+        notes of `read_messages`, indexed by ``name``; None for other sets.
+    any_source : iterable of str, optional
+        Names of the J1939 messages, which `compare` recognises by their PGN from any source.
 
     Examples
     --------
@@ -231,10 +238,12 @@ class MessageSet(Named[Message]):
         messages: Iterable[Message],
         *,
         overlooked: Iterable[str] = (),
-        aperiodic: Iterable[str] = (),
+        observed: pd.DataFrame | None = None,
+        any_source: Iterable[str] = (),
     ) -> None:
         self.overlooked = tuple(overlooked)
-        self.aperiodic = tuple(aperiodic)
+        self.observed = observed
+        self.any_source = frozenset(any_source)
         given = list(messages)
         others = [item for item in given if not isinstance(item, Message)]
         if others:
@@ -297,7 +306,8 @@ class MessageSet(Named[Message]):
         if "period" in new and "deadline" not in new and self[name].deadline == self[name].period:
             new["deadline"] = None
         changed = replace(self[name], **new)
-        return MessageSet([*self[:place], changed, *self[place + 1 :]])
+        messages = [*self[:place], changed, *self[place + 1 :]]
+        return MessageSet(messages, any_source=self.any_source)
 
     def ordered(self, names: Iterable[str]) -> MessageSet:
         """Return the messages with new priorities; `names` lists all names, highest priority first.
@@ -329,6 +339,7 @@ class MessageSet(Named[Message]):
             values = [getattr(message, field) for message in self]
             # Conversion from whole nanoseconds keeps 2.5 ms exact.
             columns[column] = [nanoseconds(t) / 1e6 for t in values] if field in TIMES else values
+        columns["arbitration_id"] = [message.hex_id for message in self]
         index = pd.Index(self.names, name="name", dtype=object)
         return pd.DataFrame(columns, index=index).astype({"bits": "Int64", "sender": object})
 
@@ -340,23 +351,22 @@ class MessageSet(Named[Message]):
     @property
     def text(self) -> str:
         """The set as CSV text, with times to the nanosecond."""
-        rows: list[tuple[object, ...]] = [COLUMNS]
-        for message in self:
-            times = (_milliseconds(getattr(message, time)) for time in TIMES)
-            rows.append(
-                (message.name, f"{message.arbitration_id:#x}", message.dlc, *times,
-                 "yes" if message.extended else "no", message.sender, message.bits)
-            )  # fmt: skip
-        return csv_text(rows)
+        return csv_text([COLUMNS, *self._rows])
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write a CSV file that `read_messages` can read; DBC and Excel suffixes are refused."""
-        if (suffix := Path(path).suffix.lower()) in (".dbc", ".xls", ".xlsm", ".xlsx"):
-            raise ArgumentError(
-                f"path is {str(path)!r}; a CSV file cannot have the suffix {suffix}; to write a "
-                "DBC file, use cantools"
+        """Write a CSV file or an Excel workbook that `read_messages` can read."""
+        tables.save_table(path, pd.DataFrame(self._rows, columns=COLUMNS))
+
+    @property
+    def _rows(self) -> list[tuple[object, ...]]:
+        return [
+            (
+                message.name, message.hex_id, message.dlc,
+                *(_milliseconds(getattr(message, time)) for time in TIMES),
+                "yes" if message.extended else "no", message.sender, message.bits,
             )
-        Path(path).write_text(self.text, encoding="utf-8", newline="")
+            for message in self
+        ]  # fmt: skip
 
 
 def counted(names: Sequence[str]) -> str:
@@ -371,7 +381,6 @@ def bus_load(messages: MessageSet, bit_rate: float, stuffing: Stuffing = ...) ->
 def bus_load(
     messages: MessageSet, bit_rate: npt.ArrayLike, stuffing: Stuffing = ...
 ) -> float | Floats: ...
-@checked
 def bus_load(
     messages: MessageSet, bit_rate: npt.ArrayLike, stuffing: Stuffing = "worst"
 ) -> float | Floats:
@@ -435,7 +444,6 @@ bearings,0x300,8,1000,1000,JB3
 """
 
 
-@checked
 def example(name: Literal["engine", "lee2012"] = "engine") -> MessageSet:
     """Return an example message set.
 
@@ -456,6 +464,7 @@ def example(name: Literal["engine", "lee2012"] = "engine") -> MessageSet:
     >>> example()
     MessageSet(10 messages: shutdown, speed, fuel index, ...)
     """
+    check_choice("name", name, ("engine", "lee2012"))
     if name == "engine":
         return MessageSet.parse(EXAMPLE)
     return read_list(Path(datasets.path("synthetic_can_lee2012.csv")), None, None, True)
@@ -505,6 +514,13 @@ def parse_dbc(
     except Exception as problem:
         raise InputError(source, f"is not a DBC file: {said(problem)}") from None
     messages, faults, overlooked = [], [], []
+    protocol = database.dbc.attributes.get("ProtocolType")
+    marked = protocol is not None and str(protocol.value) in ("J1939", "NMEA2000")
+    any_source = [
+        one.name
+        for one in database.messages
+        if one.is_extended_frame and (marked or one.protocol == "j1939")
+    ]
     for found in database.messages:
         place = f"message {found.name!r}"
         try:
@@ -512,6 +528,11 @@ def parse_dbc(
         except Exception as problem:
             overlooked.append(f"{place}: {said(problem)}")
         try:
+            if found.length > 8:
+                raise ArgumentError(
+                    f"has {found.length} bytes; a frame of classic CAN has at most 8. List the "
+                    "frames of a fast packet or transport protocol in a CSV file"
+                )
             message = Message(
                 found.name, found.frame_id, found.length, _cycle_time(found.cycle_time, period),
                 # cantools omits Vector__XXX, which marks a message without a sender.
@@ -523,13 +544,15 @@ def parse_dbc(
             messages.append((place, message))
     if strict:
         faults += [f"{fault}; strict=False accepts the message" for fault in overlooked]
-        return _checked(source, messages, faults, "has no message")
+        return _checked(source, messages, faults, "has no message", any_source)
     twice = dict(set_faults(message for _, message in messages))
     faults += [f"{messages[number][0]}: {why}" for number, why in twice.items()]
     kept = [found for number, found in enumerate(messages) if number not in twice]
     if not kept:
         return _checked(source, [], faults, "has no message")
-    return MessageSet((message for _, message in kept), overlooked=[*overlooked, *faults])
+    return MessageSet(
+        (message for _, message in kept), overlooked=[*overlooked, *faults], any_source=any_source
+    )
 
 
 def _cycle_time(given: object, period: float | None) -> float:
@@ -541,7 +564,9 @@ def _cycle_time(given: object, period: float | None) -> float:
     if cycle:
         return cycle
     if period is None:
-        raise ArgumentError("has no cycle time; give one with period=")
+        raise ArgumentError(
+            "has no cycle time; give one with --period on the command line or period= in Python"
+        )
     return period
 
 
@@ -630,7 +655,11 @@ class _Title(NamedTuple):
 
 
 def _checked(
-    source: str, found: list[tuple[str, Message]], faults: list[str], empty: str
+    source: str,
+    found: list[tuple[str, Message]],
+    faults: list[str],
+    empty: str,
+    any_source: Iterable[str] = (),
 ) -> MessageSet:
     """Return the messages found in a file as a set, or raise an error that lists all faults."""
     messages = [message for _, message in found]
@@ -639,7 +668,7 @@ def _checked(
         faults = [empty]
     if faults:
         raise InputError(source, *faults)
-    return MessageSet(messages)
+    return MessageSet(messages, any_source=any_source)
 
 
 def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.arrays import Integers
 from shipnet.can.messages import MessageSet
 from shipnet.clock import nanoseconds
@@ -175,7 +174,6 @@ def _within(streams: Streams, span: int) -> list[int] | None:
     return found
 
 
-@checked
 def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
     """Return the messages with offsets that spread the messages of each sender over time.
 

@@ -17,7 +17,6 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Utilisation
-from shipnet.arguments import checked
 from shipnet.arrays import Integers
 from shipnet.can.faults import NO_ERRORS, ErrorBound
 from shipnet.can.frame import INTERMISSION, check_bit_rate
@@ -273,7 +272,7 @@ class ResponseTimes(Named[ResponseTime]):
     >>> messages = MessageSet([Message("A", 1, 8, 2e-3), Message("B", 2, 8, 3e-3)])
     >>> found = response_times(messages, 125e3)
     >>> found
-    ResponseTimes(2 messages, 1 late, critical: A)
+    ResponseTimes(2 messages at 125 kbit/s, 1 late, critical: A)
     >>> found["B"].response, found.met, found.late
     (0.00216, False, ['A'])
     """
@@ -334,14 +333,15 @@ class ResponseTimes(Named[ResponseTime]):
 
     def __repr__(self) -> str:
         late = f"{len(self.late)} late" if self.late else "all in time"
-        return f"ResponseTimes({len(self)} messages, {late}, critical: {self.critical})"
+        rate = f"{self.bit_rate / 1e3:g} kbit/s"
+        return f"ResponseTimes({len(self)} messages at {rate}, {late}, critical: {self.critical})"
 
     def table(self) -> pd.DataFrame:
         """Return one row per message, indexed by name, including the bus load that it causes."""
         messages = [one.message for one in self._items]
         table = pd.DataFrame(
             {
-                "arbitration_id": [message.arbitration_id for message in messages],
+                "arbitration_id": [message.hex_id for message in messages],
                 "frame_ms": [one.frame_time * 1e3 for one in self],
                 "blocking_ms": [one.blocking * 1e3 for one in self],
                 "busy_period_ms": [one.busy_period * 1e3 for one in self],
@@ -359,7 +359,7 @@ class ResponseTimes(Named[ResponseTime]):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the longest response of each message as a dot, connected to its deadline."""
-        table, ax = self.table(), style.axes(ax)
+        table, ax = self.table(), style.axes(ax, figsize=style.size(len(self)))
         y, red = np.arange(len(table)), style.LIMIT["color"]
         response, deadline = (table[name].to_numpy() for name in ("response_ms", "deadline_ms"))
         met, finite = table["met"].to_numpy(), np.isfinite(response)
@@ -385,7 +385,6 @@ class ResponseTimes(Named[ResponseTime]):
         return ax
 
 
-@checked
 def response_times(
     messages: MessageSet,
     bit_rate: float,
@@ -498,7 +497,6 @@ class Assignment(NamedTuple):
     unplaced: tuple[str, ...]
 
 
-@checked
 def audsley(
     messages: MessageSet,
     bit_rate: float,

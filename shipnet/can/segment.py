@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, number, record, whole
@@ -35,7 +34,6 @@ _INPUT = Load(r=20e3, c=100e-12)  #: Load of a node on the line, within the limi
 _VOLTAGE, _SOURCE, _EDGE, _STEPS = 3.2, 40.0, 30e-9, 5
 
 
-@checked
 @record(repr=False)
 class Segment:
     """A straight trunk with equally spaced nodes, counted from 1.

@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Utilisation
-from shipnet.arguments import checked
 from shipnet.arrays import Floats, Integers
 from shipnet.can.bus import BUS_OFF, PASSIVE, Failure, releases, send, send_disturbed, send_sets
 from shipnet.can.faults import BitErrors, ErrorAt, Simulated
@@ -29,7 +28,6 @@ from shipnet.lazy import Axes, pd
 MOST_FRAMES = 20_000_000
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """The events on a simulated bus, as returned by `simulate`.
@@ -120,7 +118,7 @@ class Run:
             waited = np.r_[response, nanoseconds(self.until) - arrival[sent:]]
             rows.append(
                 {
-                    "arbitration_id": self.system[rank].arbitration_id,
+                    "arbitration_id": self.system[rank].hex_id,
                     "extended": self.system[rank].extended,
                     "released": len(start),
                     "sent": sent,
@@ -177,7 +175,7 @@ class Run:
         low, high = 1e3 * start, last if stop is None else 1e3 * stop
         if not low < high:
             raise ArgumentError(f"start is {start} s; it must be before stop, {high / 1e3:g} s")
-        ax = style.axes(ax)
+        ax = style.axes(ax, figsize=style.size(len(self.system.names)))
         lane = {name: row for row, name in enumerate(self.system.names)}
 
         def rows(table: pd.DataFrame) -> pd.Series:
@@ -223,7 +221,6 @@ class Run:
         ).replace("%)", " %)")
 
 
-@checked
 def simulate(
     messages: MessageSet,
     bit_rate: float,
@@ -360,7 +357,6 @@ class BatchRun:
         return f"BatchRun({sets} set{plural} of offsets, {counted(self.system.names)})"
 
 
-@checked
 def simulate_batch(
     messages: MessageSet, bit_rate: float, *, offsets: npt.ArrayLike, until: float
 ) -> BatchRun:

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.answers import Findings
-from shipnet.arguments import checked
 from shipnet.design.costs import (
     CRITERIA,
     FIGURES,
@@ -78,7 +77,6 @@ def pareto_optimal(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
     return np.asarray(~(as_low & ~as_low.T).any(axis=0))
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Comparison:
     r"""Comparison of several ways to connect the points of one list.
@@ -479,7 +477,6 @@ class Comparison:
         save_files(folder, self.files())
 
 
-@checked
 def compare(
     designs: Iterable[Design],
     *,

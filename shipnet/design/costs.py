@@ -12,7 +12,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.design.catalogue import LEVELS, Level, values_at, with_spare, words
 from shipnet.design.catalogue import cables as catalogue
@@ -190,7 +189,6 @@ EXCLUDED = (
 )
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Quantities:
     """The low, nominal and high figures of a design; `Design.quantities` returns them.
@@ -411,7 +409,6 @@ def likely(sample: pd.DataFrame) -> pd.DataFrame:
 # The effect of setting each assumption low and high, with all others nominal ---------------------
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Tornado:
     """Effect on a figure of setting each assumption low and high, with all others nominal.

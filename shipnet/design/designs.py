@@ -13,7 +13,6 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Findings
-from shipnet.arguments import checked
 from shipnet.design import costs, drawing, failures, tables
 from shipnet.design.costs import Quantities
 from shipnet.design.layout import Layout
@@ -27,7 +26,6 @@ from shipnet.tables import as_csv, as_workbook
 _COLOURS = {"home run": "0.7", "drop": "0.8", "feeder": "C1", "trunk": "C0"}
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Layout):
     r"""One way to connect the points of an I/O list; `IoList.plan` makes one.
@@ -42,8 +40,10 @@ class Design(Layout):
         Position of the cabinet, and the allowances `detour` and `tails` in cable lengths.
     points : pandas.DataFrame
         One row per point, in the order of the list: tag, bus, segment, device, address,
-        response_ms, fits. An unconnected point has no bus; a point whose device violates a supply
-        limit has a bus but does not fit. `reasons` says why a point does not fit.
+        response_ms, fits, planned_update_ms. An unconnected point has no bus; a point whose device
+        violates a supply limit has a bus but does not fit. `reasons` says why a point does not fit.
+        The planned update time on a bus is that of the list or the settings, or a rule's response
+        limit if that is shorter.
     devices : pandas.DataFrame
         One row per device, such as the cabinet, a box, a module or a supply: device (its name),
         kind, segment, x_m, y_m, z_m, and at (the device whose housing contains it, or "").

@@ -362,7 +362,11 @@ class Draft:
         points = frame(
             "points",
             {"tag": self.tags, **self._point, "response_ms": self._response * 1e3,
-             "fits": self._point["bus"] != ""},
+             "fits": self._point["bus"] != "",
+             # Rounded to a nanosecond, because a rule's limit is reduced by less.
+             "planned_update_ms": np.where(
+                 np.isin(self._point["bus"], ["", "hardwired"]), np.nan, (1e3 * self.need).round(6)
+             )},
         )  # fmt: skip
         runs = self._runs(self._rows["cables"])
         devices, segments, reasons = (

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from shipnet.arguments import checked
 from shipnet.design.layout import Site, Where, site_of
 from shipnet.design.points import PointTable
 from shipnet.design.settings import Given, Settings
@@ -20,16 +19,16 @@ from shipnet.fields import check_rng, check_whole
 from shipnet.lazy import Axes
 from shipnet.signals import ASI_PAIR, Saving, hardwired_conductors
 from shipnet.signals import SIGNALS as SIGNALS
-from shipnet.tables import as_csv
+from shipnet.tables import save_table
 
 if TYPE_CHECKING:
     from shipnet.design.comparison import Comparison
     from shipnet.design.costs import Rng
     from shipnet.design.designs import Design
     from shipnet.design.rules import RuleSet
+    from shipnet.parallel import Workers
 
 
-@checked
 class IoList(PointTable):
     r"""The I/O points of a ship: sensors to read, and outputs to control.
 
@@ -138,29 +137,28 @@ class IoList(PointTable):
         *,
         settings: Given = None,
         rules: RuleSet | str | PathLike[str] = "DNV",
-        client: Any = None,
-        folder: str | PathLike[str] | None = None,
+        workers: Workers = 1,
         progress: bool | Callable[[int, int], object] | None = None,
     ) -> pd.DataFrame:
         """Compare the options at every point of a grid of settings.
 
         `grid` maps names of settings to lists of values, or is a list of grid points. The table has
         one row per grid point and option: the settings of the grid point, and the columns of
-        `Comparison.table`. Long studies run on all cores; `client`, `folder` and `progress` are as
-        in `shipnet.compute`.
+        `Comparison.table`. `workers` and `progress` are as in `shipnet.ballast.write_fleet`; the
+        table does not depend on them.
         """
         from shipnet.design.rules import RuleSet
-        from shipnet.parallel import compute, points_of
+        from shipnet.parallel import spread
 
-        points, start = points_of(grid), Settings.of(settings)
+        points, start = _points_of(grid), Settings.of(settings)
         site, _ = site_of(self, cabinet, start)
         start = start.replace({"detour": site.detour, "tails": site.tails})
         if faults := {fault for point in points for fault in start.tried(point)[1]}:
             raise ArgumentError("; ".join(sorted(faults)))
         case = _Case(self, site, options, start, RuleSet.of(rules))
-        found = compute(case, points, client=client, folder=folder, progress=progress)
         tables = []
-        for point, table in zip(points, map(pd.DataFrame, found), strict=True):
+        for point, rows in zip(points, spread(case, points, workers, progress), strict=True):
+            table = pd.DataFrame(rows)
             # A value may be a range or several bit rates; each row contains the whole value.
             given = {name: [value] * len(table) for name, value in point.items()}
             tables.append(table.assign(**given)[[*point, *table.columns]])
@@ -174,10 +172,26 @@ class IoList(PointTable):
         return plot_points(self.points, option, ax=ax)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the list to a CSV file that `read_iolist` can read."""
+        """Write the list to a CSV file or an Excel workbook that `read_iolist` can read."""
         empty = [name for name in ("device", "ex") if not self.points[name].any()]
         names = [name for name in COLUMNS if name not in empty]
-        Path(path).write_bytes(as_csv(self.points[names]))
+        save_table(path, self.points[names])
+
+
+def _points_of(
+    grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]],
+) -> list[dict[str, Any]]:
+    """Return the points of a grid of settings."""
+    if isinstance(grid, Mapping):
+        points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
+        points = points if grid else []
+    else:
+        points = [dict(point) for point in grid]
+    if not points:
+        raise ArgumentError("the grid has no points")
+    if any(point.keys() != points[0].keys() for point in points):
+        raise ArgumentError("the points of the grid have different arguments")
+    return points
 
 
 @dataclass(frozen=True)
@@ -199,7 +213,6 @@ class _Case:
         return found.table().reset_index().to_dict("list")
 
 
-@checked
 def read_iolist(
     path: str | PathLike[str],
     *,

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from shipnet.arguments import checked
 from shipnet.design.costs import Rng, conductors_at_cabinet, draw, quantities
 from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList
@@ -40,7 +39,6 @@ COUNTED: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
-@checked
 def lines_needed(slaves: int, *, slaves_per_line: int = 62) -> int:
     """Return the number of AS-i lines, and thus of masters, needed for a number of slaves.
 
@@ -70,7 +68,6 @@ def lines_needed(slaves: int, *, slaves_per_line: int = 62) -> int:
     return ceil(slaves / check_whole("slaves_per_line", slaves_per_line, 1, 62))
 
 
-@checked
 @record
 class Plant:
     """A small plant defined by counts: modules with contacts, in a row along each line.

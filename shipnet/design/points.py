@@ -14,7 +14,6 @@ from typing import Self
 import numpy as np
 import pandas as pd
 
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.design.words import (
     COLUMNS,
@@ -600,7 +599,6 @@ _PLAIN = Reading()
 _WHAT = "titles of an I/O list (at least tag and either signal or type)"
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class PointTable:
     """The points of a list, one per row; `IoList` adds plans, comparisons and figures."""

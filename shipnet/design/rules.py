@@ -15,7 +15,6 @@ import numpy as np
 
 from shipnet import datasets
 from shipnet.answers import Findings
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.crc import Crc
 from shipnet.design.catalogue import cables
@@ -455,7 +454,6 @@ BOUNDS = {"at most": le, "below": lt, "at least": ge}
 _YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False, "": False}
 
 
-@checked
 @record(slots=True)
 class Rule:
     """One class rule: the measure computed for it, and its limit.
@@ -509,7 +507,6 @@ class Rule:
         return bool(BOUNDS[self.bound](computed, self.limit))
 
 
-@checked
 @dataclass(frozen=True)
 class RuleSet:
     """A set of class rules: a published one, or your own from a file.

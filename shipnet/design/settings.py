@@ -19,7 +19,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.design.catalogue import Assumptions, Range, cables, ordered, read_assumptions
 from shipnet.design.words import Reading
 from shipnet.errors import ArgumentError, InputError
@@ -39,7 +38,7 @@ from shipnet.fields import (
 from shipnet.lazy import pd
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.uart import CHARACTERS
-from shipnet.tables import read_bytes, text_of
+from shipnet.tables import read_bytes, save_suffix, text_of
 
 # Kinds of values that only designs have ------------------------------------------------------
 
@@ -317,7 +316,6 @@ def _check_size(text: str, source: str) -> None:
         raise InputError(source, f"nests values more than {_DEEPEST} deep; 2 levels are enough")
 
 
-@checked
 @dataclass(frozen=True, init=False, repr=False)
 class Settings(_Plain):
     """The limits, prices and allowances of a design, each under its own name.
@@ -468,7 +466,8 @@ class Settings(_Plain):
         return settings
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write all values to a file that `read` can read."""
+        """Write all values to a TOML file that `read` can read."""
+        save_suffix(path, ".toml")
         Path(path).write_text(self.text(), encoding="utf-8", newline="\n")
 
     def text(self) -> str:

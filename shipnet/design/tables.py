@@ -17,6 +17,7 @@ from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.costs import bill_table
 from shipnet.design.layout import Layout
 from shipnet.design.supply import supply_tables
+from shipnet.errors import ArgumentError
 from shipnet.signals import SIGNALS
 
 #: Names of the two conductors of a trunk, by bus, and of a feeder.
@@ -34,6 +35,8 @@ def file_name(name: str) -> str:
 
 def save_files(folder: str | PathLike[str], named: Iterable[tuple[str, bytes]]) -> None:
     """Write files into a folder and its subfolders, which are created if missing."""
+    if Path(folder).suffix.lower() in (".csv", ".html", ".json", ".svg", ".xlsx", ".zip"):
+        raise ArgumentError(f"folder is {str(folder)!r}; it must be a folder, not a file")
     for name, content in named:
         path = Path(folder, name)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -103,7 +106,9 @@ def devices(design: Layout) -> pd.DataFrame:
 def points(design: Layout) -> pd.DataFrame:
     """Return all points of the list, including those that do not fit, with their channels."""
     columns = ["tag", "system", "type", "signal", "x_m", "y_m", "z_m", "update_ms"]
-    listed, own = design.iolist.points[columns], design.points.drop(columns="tag")
+    own = design.points.drop(columns=["tag", "planned_update_ms"], errors="ignore")
+    used = design.points.get("planned_update_ms", np.nan)
+    listed = design.iolist.points[columns].assign(planned_update_ms=used)
     # A hardwired point ends on a card in the cabinet, even if its cable passes through a box.
     reader = own["device"].where(own["bus"] != "hardwired", design.cabinet)
     number = listed.groupby([reader, listed["type"]]).cumcount() + 1

@@ -11,7 +11,6 @@ from functools import cached_property
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.arrays import Integers
 from shipnet.can.lengths import Stuffing, frame_length
 from shipnet.can.messages import Message, MessageSet, packed
@@ -27,7 +26,6 @@ _FRAME = 8
 _ID_STEP, _HIGHEST_ID = 0x100, 0x7FF
 
 
-@checked
 @record
 class CanLayout:
     """The mapping of points to CAN frames: box k (1 to 7) sends identifiers from 0x100 * k up.

@@ -13,7 +13,6 @@ from math import inf, isnan, nan
 from typing import Any, Literal
 
 from shipnet.answers import Findings
-from shipnet.arguments import checked
 from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.engine.points import Point, PointList, read_points
 from shipnet.engine.registers import RegisterMap
@@ -95,7 +94,6 @@ class Redundancy:
 # Descriptions ----------------------------------------------------------------------------------
 
 
-@checked
 @record
 class Description:
     """Data of a monitoring system, to be checked against the class rules; None means unknown.
@@ -135,7 +133,7 @@ class Description:
             given = getattr(self, name)
             if given is None:
                 continue
-            if not given:
+            if not given or isinstance(given, str):
                 raise ArgumentError(f"{name} is {given!r}; it must contain at least one name")
             if not isinstance(given, Mapping):
                 object.__setattr__(self, name, tuple(given))
@@ -292,7 +290,6 @@ RULES = (
 )  # fmt: skip
 
 
-@checked
 def check(system: Description) -> Findings:
     """Check a system against the class rules that lee2012 quotes.
 

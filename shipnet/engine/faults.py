@@ -12,6 +12,7 @@ __all__ = [
     "BusOff", "CanBreak", "DeadBox", "DeadPort", "LostCanFrames", "LostModbusFrames",
     "ModbusBreak", "OpenWire", "ShortCircuit", "StuckSensor",
 ]  # fmt: skip
+__dir__ = __all__.copy
 
 
 @record

@@ -19,7 +19,6 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers, Words
 from shipnet.engine.points import PT100, Point, PointList, by_point
 from shipnet.errors import ArgumentError
@@ -90,7 +89,6 @@ WIRE_FAULTS: dict[Literal["open", "short"], dict[str, float]] = {
 }
 
 
-@checked
 @record
 class InputCard:
     """The converters of a list of points: R/V (resistance), I/V (current) and B/V (switch).

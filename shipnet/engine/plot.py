@@ -41,9 +41,9 @@ _MOST_BARS, _TILES, _SIZE = 5000, 9, 9
 
 def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
     """Draw the work of CPUs and lines as rows of bars; each CAN sender has one shade of grey."""
-    ax = style.axes(ax)
     if not 1 <= len(table) <= _MOST_BARS:
         raise ArgumentError(f"table has {len(table)} rows; it must have 1..{_MOST_BARS}")
+    ax = style.axes(ax)
     names = [str(name) for name in table["row"].unique()]
     looks = dict(_TASKS)
     for sender in table.loc[table["row"] == "CAN", "task"].unique():

@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
-from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_whole, choice, number, record
 from shipnet.lazy import pd
@@ -229,7 +228,6 @@ def by_point(
     return array
 
 
-@checked
 def read_points(path: str | PathLike[str] | None = None) -> PointList:
     """Read the points of an engine: the 99 of lee2012, or those of a CSV or Excel file.
 

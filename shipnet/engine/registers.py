@@ -14,7 +14,6 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.arrays import Floats, Words
 from shipnet.engine.points import Point, PointList, by_point
 from shipnet.errors import ArgumentError
@@ -25,7 +24,6 @@ from shipnet.modbus.pdu import Request
 # Coding of values ------------------------------------------------------------------------------
 
 
-@checked
 @record(slots=True)
 class Coding:
     """Coding of a value as the content of a register.
@@ -186,7 +184,6 @@ CODINGS = {
 _REQUEST = 125
 
 
-@checked
 @record
 class RegisterMap:
     """Registers of a junction box, one per point.

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.clock import nanoseconds
 from shipnet.engine.faults import WIRES, EngineFault, StuckSensor, outages
@@ -194,7 +193,6 @@ def reading(
     return float(values.at(place, time))
 
 
-@checked
 class Screen:
     """The screen of the AMS at a given time, with **synthetic** values; `Run.screen` creates one.
 
@@ -313,7 +311,6 @@ class Timeline:
         return f"Timeline({self.start:g}..{self.stop:g} s: {len(self._table)} pieces of work)"
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """A finished simulation of a `system` with the given `faults`; `simulate` creates one.

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.clock import nanoseconds
 from shipnet.engine.faults import (
@@ -56,7 +55,6 @@ _WORDS: dict[str, tuple[type[EngineFault], ...]] = {
 }  # fmt: skip
 
 
-@checked
 def serve(
     system: System | None = None,
     *,
@@ -133,7 +131,6 @@ def parse_fault(system: System, words: str) -> EngineFault:
     )
 
 
-@checked
 def fault_registers(system: System | None = None) -> pd.DataFrame:
     """Return the registers of unit id 247, which inject faults into a served engine.
 

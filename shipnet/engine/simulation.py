@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Integers
 from shipnet.can.frame import INTERMISSION
 from shipnet.clock import nanoseconds
@@ -43,7 +42,6 @@ _MOST_FRAMES = 20_000_000
 _LENGTH = 20.0
 
 
-@checked
 def simulate(
     system: System,
     *,
@@ -456,7 +454,6 @@ def send(
 # Faults of the system, by simulation -----------------------------------------------------------
 
 
-@checked
 def single_failures(
     system: System,
     faults: EngineFault | Iterable[EngineFault] | None = None,

@@ -10,7 +10,6 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.arrays import Floats, Integers
 from shipnet.can.lengths import frame_length
 from shipnet.can.messages import MessageSet
@@ -148,7 +147,6 @@ class StalenessFlag(NamedTuple):
     oldest: float
 
 
-@checked
 @record
 class System:
     """An engine monitoring system; without arguments, the one of lee2012.

@@ -62,6 +62,9 @@ class Ramps:
         self._steps = np.flatnonzero(foot == shoulder)
         self._width = np.where(foot == shoulder, 1.0, shoulder - foot)[:, np.newaxis]
 
+    def __repr__(self) -> str:
+        return f"Ramps({len(self._sign)} ramps of {len(self._order)} rules)"
+
     def strengths(self, x: Floats, *, doubtful: bool = False) -> Floats:
         """Return the firing strengths (one row per rule) for values (one row per variable).
 

@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng, check_whole
@@ -38,7 +37,6 @@ _BLOCK = 8192
 _MOST_REGIONS, _MOST_NUMBERS = 10**6, 20
 
 
-@checked
 @dataclass(frozen=True)
 class RuleBase:
     """Rules and the variables that they use.
@@ -338,7 +336,6 @@ class RuleBase:
         return control_system(self.variables, self.rules)
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Firing:
     """The firing strength of each rule for each sample, as returned by `RuleBase.fire`.
@@ -441,7 +438,6 @@ class Firing:
         return ax
 
 
-@checked
 @dataclass(frozen=True, eq=False)
 class Decision:
     """The decision for each sample, as returned by `RuleBase.decide`.
@@ -595,7 +591,10 @@ class Decision:
         shape = self.active.shape[:-1]
         fits = len(index) == len(shape)
         if not fits or any(not -n <= i < n for i, n in zip(index, shape, strict=True)):
-            raise ArgumentError(f"index is {index}; the samples have shape {shape}")
+            legal = ", ".join(f"0..{n - 1}" for n in shape) or "empty"
+            raise ArgumentError(
+                f"index is {index}; for samples of shape {shape}, it must be {legal}"
+            )
         return index
 
 

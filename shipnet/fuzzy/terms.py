@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import part, record, text, whole
@@ -31,7 +30,6 @@ _COMPARISON = re.compile(
 )
 
 
-@checked
 @dataclass(frozen=True, slots=True)
 class Interval:
     """The values for which a comparison holds.
@@ -100,7 +98,6 @@ def parse_comparison(crisp: str) -> Interval:
     return Interval(low, high, low_closed, high_closed)
 
 
-@checked
 @record(slots=True)
 class Term:
     """A word for a range of a variable's values.
@@ -184,7 +181,6 @@ class Term:
         return np.where(np.isnan(values), 0.0, degree)
 
 
-@checked
 @dataclass(frozen=True, slots=True)
 class Variable:
     """A measured quantity and the words for its values.

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
@@ -26,8 +25,9 @@ from shipnet.fields import (
 from shipnet.lazy import Axes
 from shipnet.line.waveform import laplace_grid, synthesize
 
-#: Bounds of the constants; l and c are above 0, so that sqrt(l / c) and sqrt(l c) are too.
-LEAST, MOST = 1e-18, 1e12
+#: Bounds of the constants; l and c are above 0, so that sqrt(l / c) and sqrt(l c) are too. The most
+#: l [H/m] and c [F/m] are far above those of any cable, but below a value given in uH/m or pF/m.
+LEAST, MOST, MOST_L, MOST_C = 1e-18, 1e12, 1e-3, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,6 @@ class Valued:
         return hash(self._key())
 
 
-@checked
 @record(eq=False)
 class Cable(Valued):
     r"""A uniform two-wire cable, given by its constants per metre for both wires together.
@@ -95,8 +94,8 @@ class Cable(Valued):
     r: Quantity = number(
         0, MOST, "ohm/m", "Resistance of the loop at signal frequencies", many=True
     )
-    l: Quantity = number(LEAST, MOST, "H/m", "Inductance", many=True)  # noqa: E741
-    c: Quantity = number(LEAST, MOST, "F/m", "Capacitance", many=True)
+    l: Quantity = number(LEAST, MOST_L, "H/m", "Inductance", many=True)  # noqa: E741
+    c: Quantity = number(LEAST, MOST_C, "F/m", "Capacitance", many=True)
     g: Quantity = number(0, MOST, "S/m", "Conductance of the insulation", default=0.0, many=True)
     skin: Quantity = number(
         0, MOST, "Hz",
@@ -124,9 +123,9 @@ class Cable(Valued):
     @classmethod
     def lossless(cls, z0: npt.ArrayLike, delay: npt.ArrayLike) -> Cable:
         """Return the lossless cable with this characteristic impedance [ohm] and delay [s/m]."""
-        impedance = np.asarray(check_quantity("z0 of a cable", z0, "ohm", low=1e-3, high=1e6))
+        impedance = np.asarray(check_quantity("z0 of a cable", z0, "ohm", low=0.1, high=1e4))
         per_metre = np.asarray(
-            check_quantity("delay of a cable", delay, "s/m", low=1e-12, high=1e-3)
+            check_quantity("delay of a cable", delay, "s/m", low=1e-12, high=1e-7)
         )
         check_trees("a cable", None, impedance[()], per_metre[()])
         return cls(0.0, (impedance * per_metre)[()], (per_metre / impedance)[()])

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import fields, style
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity, check_quantity, check_trees, record
@@ -35,7 +34,6 @@ def _constant(unit: str, help: str) -> Any:
     return fields.number(LEAST, MOST, unit, help, default=None, optional=True, many=True)
 
 
-@checked
 @dataclass(frozen=True, slots=True)
 class CableRun:
     """A piece of cable between two nodes.
@@ -151,7 +149,6 @@ class Layout(NamedTuple):
         return float(np.concatenate(everything).min())
 
 
-@checked
 class Network:
     """Runs of cable between named nodes, with loads from the nodes to the reference conductor.
 
@@ -317,7 +314,8 @@ class Network:
     ) -> dict[str, Quantity]:
         """Return the DC voltage at each node [V] when nodes draw the given `currents` [A].
 
-        The supply keeps its node at `voltage` [V]; loads are ignored.
+        The supply keeps its node at `voltage` [V]; loads are ignored. All voltages are NaN if the
+        currents cannot flow: somewhere, the cables would drop more than the supply's voltage.
         """
         self.index(supply, "supply")
         tree = self.rooted(supply)
@@ -354,6 +352,7 @@ class Network:
             drop = drop + (drop[b] - drop[a]) / loop * ring_drop
         volts = np.empty_like(drop)
         volts[tree.order] = emf - drop
+        volts[:, np.any(volts * np.sign(emf) < 0, axis=0)] = np.nan
         return dict(zip(self.nodes, volts[:, 0].tolist() if trees is None else volts, strict=True))
 
     def layout(self, root: str | None = None) -> Layout:

@@ -11,18 +11,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes
-from shipnet.tables import csv_text
+from shipnet.tables import csv_text, save_suffix
 
 #: Highest relevant frequency of a current step that lasts 3 us [Hz].
 F_MAX = 12e6
@@ -33,7 +31,6 @@ F_MAX = 12e6
 _WINDOW, _DAMPING = 1.5, 10.5
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform:
     """Voltages at evenly spaced times.
@@ -108,12 +105,12 @@ class Waveform:
         return cls(read.u, read.dt, names=(read.channel,), description=read.description)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write an ``.npz`` file or, with any other suffix, text with a column per node."""
+        """Write an ``.npz`` file or, as ``.csv`` or ``.txt``, text with a column per node."""
         rows = np.atleast_2d(self.u)
         names = self.names or tuple(f"u{k}" for k in range(1, len(rows) + 1))
         if rows.ndim != 2:
             raise ArgumentError(f"u has shape {self.u.shape}; it must have one row per node")
-        if Path(path).suffix == ".npz":
+        if save_suffix(path, ".csv", ".txt", ".npz") == ".npz":
             np.savez(path, u=rows.T, dt=self.dt, probes=np.array(names))
             return
         titles = csv_text([["time (s)", *(f"{name} (V)" for name in names)]]).rstrip("\n")

@@ -9,7 +9,6 @@ from __future__ import annotations
 from math import inf
 from typing import NamedTuple
 
-from shipnet.arguments import checked
 from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import pd
 
@@ -48,7 +47,6 @@ INTERFACES = {
 }
 
 
-@checked
 def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
     r"""Return which serial interfaces fit a master with its slaves, and why the others do not.
 
@@ -59,7 +57,7 @@ def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
     length : float
         Length of the line, 0..100000 [m].
     bit_rate : float
-        Bit rate, 50..10e6 [bit/s].
+        Bit rate, 300..10e6 [bit/s].
 
     Returns
     -------
@@ -88,7 +86,7 @@ def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
     """
     count = check_whole("n_stations", n_stations, 2, 256)
     far = check_scalar("length", length, "m", 0, 1e5)
-    rate = check_scalar("bit_rate", bit_rate, "bit/s", 50, 10e6)
+    rate = check_scalar("bit_rate", bit_rate, "bit/s", 300, 10e6)
     rows = []
     for name, one in INTERFACES.items():
         longest = min(one.length, one.product / rate) if rate <= one.bit_rate else 0.0

@@ -8,6 +8,7 @@ from shipnet.clock import Fault
 from shipnet.fields import choice, record, whole
 
 __all__ = ["Break", "DeadPort", "DeadSlave", "Short"]
+__dir__ = __all__.copy
 
 Port = Literal["A", "B"]
 

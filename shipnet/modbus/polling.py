@@ -245,7 +245,7 @@ def scan(
     registers : int
         Registers per slave, 1..65536; each request reads at most 125.
     bit_rate : float, default 9600
-        50..10e6 [bit/s].
+        300..10e6 [bit/s].
     character : str, default "8E1"
         Data bits, parity and stop bits.
     processing : float, default 0

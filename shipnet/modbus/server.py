@@ -9,11 +9,10 @@ from concurrent.futures import Future
 from socket import gaierror
 from threading import Thread
 from time import monotonic
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, load_extra
-from shipnet.fields import check_rng, check_scalar, check_whole
+from shipnet.fields import check_choice, check_rng, check_scalar, check_whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.handlers import Listener, Respond, RtuListener, TcpListener, UdpListener
 from shipnet.modbus.pdu import Adu
@@ -143,7 +142,6 @@ def _cause(problem: BaseException, listener: Listener) -> str:
     return causes[codes[0]].format(character=character) if codes else str(problem)
 
 
-@checked
 def serve(
     devices: Mapping[int, Device | Slave],
     transport: Transport = "tcp",
@@ -221,6 +219,7 @@ def serve(
     ...         print(client.recv(260).hex(" "))
     00 01 00 00 00 07 01 03 04 01 5e 01 9c
     """
+    check_choice("transport", transport, get_args(Transport))
     rtu = transport == "rtu"
     if not devices:
         raise ArgumentError("devices is empty; it must contain at least one device")

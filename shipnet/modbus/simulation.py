@@ -11,7 +11,6 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Utilisation
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.clock import Fault
 from shipnet.fields import check_scalar
@@ -280,7 +279,6 @@ class Run:
         return ax
 
 
-@checked
 def simulate(system: Loop, *, faults: Faults = (), until: float) -> Run:
     """Simulate a master that polls its slaves through either port.
 

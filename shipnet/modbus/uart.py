@@ -14,7 +14,6 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.arrays import Bytes, Floats, Integers
 from shipnet.errors import ArgumentError, FormError, ParityError
 from shipnet.fields import check_scalar, check_whole, choice, number, record
@@ -37,7 +36,7 @@ class SerialLine:
     (11, 4.01, 9.17)
     """
 
-    bit_rate: float = number(50, 10e6, "bit/s", "Bit rate")
+    bit_rate: float = number(300, 10e6, "bit/s", "Bit rate")
     character: str = choice(
         CHARACTERS, "Data bits (8 in RTU), parity and stop bits. The standard requires 8E1 by "
         "default, and 8N2 without parity; 8N1 is common nevertheless", default="8E1",
@@ -73,7 +72,6 @@ class SerialLine:
         """Return the time of a frame of 4..256 bytes, including unit id and CRC [s]."""
         return check_whole("size", size, RTU_BYTES + 1, RTU_BYTES + MAX_PDU) * self.character_time
 
-    @checked
     def waveform(
         self,
         frames: bytes | Sequence[bytes],
@@ -161,7 +159,6 @@ class Characters(NamedTuple):
         return self.value.tobytes()
 
 
-@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform:
     r"""The level of a line over time, as returned by `SerialLine.waveform`.

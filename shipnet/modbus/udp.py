@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.arrays import Floats, Integers
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole, number, record
 from shipnet.lazy import pd
 
 __all__ = ["LossyPath", "compare"]
+__dir__ = __all__.copy
 
 _MOST = 10**6  #: Largest number of requests.
 
@@ -86,7 +86,6 @@ def replies(
     return reply_to, dropped
 
 
-@checked
 def compare(
     units: Sequence[int] | Integers,
     path: LossyPath,

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, Literal, get_args
 
-from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, choice, number, record
 from shipnet.modbus.frame import MAX_UNIT
@@ -31,7 +30,6 @@ _GARBAGE = 4
 Piece = tuple[float, bytes]  #: The silence before a piece of a response [s], and its bytes.
 
 
-@checked
 @record
 class WireFault:
     """A fault in some of a server's responses; `serve` accepts any number of faults.

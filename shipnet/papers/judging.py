@@ -13,7 +13,6 @@ from functools import cache
 from typing import Any
 
 from shipnet import datasets, style
-from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
 from shipnet.lazy import Axes, pd
@@ -34,7 +33,6 @@ _COLOURS = {
 TREATMENTS = tuple(_COLOURS)
 
 
-@checked
 class Claim:
     """One claim of a paper: the printed and the computed value, and the verdict.
 
@@ -99,9 +97,9 @@ class Ledger:
 
     def counts(self) -> pd.DataFrame:
         """Return the number of claims of each paper by basis, or by the reason for not judging."""
-        table = self.table()
-        how = table["basis"].where(table["status"] == "judged", table["status"])
-        counted = pd.crosstab(table["paper"], how)
+        table = pd.DataFrame(self._claims)
+        status = table.apply(_status, axis="columns")
+        counted = pd.crosstab(table["paper"], table["basis"].where(status == "judged", status))
         order = table["paper"].unique()
         counted = counted.reindex(index=order, columns=list(TREATMENTS), fill_value=0)
         counted.columns.name, counted.index.name = None, "paper"
@@ -147,7 +145,6 @@ class Ledger:
         return f"<Ledger of {self.paper or 'all papers'}: {self}>"
 
 
-@checked
 def ledger(paper: str | None = None) -> Ledger:
     """Return the ledger of one paper or of all.
 

@@ -16,7 +16,6 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 from shipnet import style
-from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_choice
 from shipnet.lazy import Axes
@@ -113,7 +112,6 @@ def drawing(paper: str, *items: str) -> Callable[[Function], Function]:
     return decorate
 
 
-@checked
 def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes:
     """Draw a figure of a paper from our models and outlines.
 

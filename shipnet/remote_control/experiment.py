@@ -8,7 +8,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.intervals import share_interval
@@ -40,7 +39,6 @@ def check_formats(n_items: int) -> dict[str, PacketFormat]:
     return dict(zip(CHECKS, formats, strict=True))
 
 
-@checked
 def compare_checks(
     n_items: Iterable[int],
     rates: Iterable[float],
@@ -96,7 +94,6 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-@checked
 @dataclass(frozen=True, repr=False)
 class Comparison:
     """The packets that each check detects and misses, by number of items and bit error rate.
@@ -259,7 +256,6 @@ def candidates(n_items: int, system: System, rate: float, stale_time: float) -> 
     return pd.DataFrame(rows, columns=[*columns, "errors_ok", "stale_ok", "alarm_ok", "meets"])
 
 
-@checked
 def recommend(
     n_items: int,
     system: System | None = None,

@@ -9,6 +9,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import choice, record
 
 __all__ = ["DeadStation", "LostPacket", "Stall"]
+__dir__ = __all__.copy
 
 Hop = tuple[str, str]
 

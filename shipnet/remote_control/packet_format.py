@@ -13,7 +13,6 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Bytes, Integers, Words
 from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
 from shipnet.fields import check_rng, check_scalar, check_whole
@@ -103,7 +102,6 @@ class Decoded(NamedTuple):
         return accepted
 
 
-@checked
 class PacketFormat:
     """Base class of the two formats, which encode, decode and trace packets differently."""
 

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.errors import ArgumentError, FormError, InputError, ParityError, name_of
 from shipnet.fields import check_scalar
@@ -191,7 +190,6 @@ class SerialCapture:
         return f"SerialCapture({read}, {', '.join(said) or 'no faults'})"
 
 
-@checked
 def read_capture(
     path: str | PathLike[str],
     bit_rate: float | None = None,
@@ -207,7 +205,7 @@ def read_capture(
     path : path
         A file as for `shipnet.can.read_capture`. The idle level is read as 1.
     bit_rate : float, optional
-        Bit rate of the receiver, 50..10e6 [bit/s]; by default the detected rate of the sender.
+        Bit rate of the receiver, 300..10e6 [bit/s]; by default the detected rate of the sender.
     character : str, optional
         Data bits (5..9), parity (N, E, O) and stop bits (1, 2), such as ``"8N1"``; by default
         detected, with 7 or 8 data bits.
@@ -243,7 +241,7 @@ def read_capture(
     SerialCapture(1351 characters 8N1 at 9605.41 bit/s, no faults)
     """
     file = Path(path)
-    rate = None if bit_rate is None else check_scalar("bit_rate", bit_rate, "bit/s", 50, 10e6)
+    rate = None if bit_rate is None else check_scalar("bit_rate", bit_rate, "bit/s", 300, 10e6)
     form = None
     if character is not None:
         if not isinstance(character, str) or not re.fullmatch("[5-9][NEO][12]", character):

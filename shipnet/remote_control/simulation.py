@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole, choice, number, record, whole
@@ -86,7 +85,6 @@ class Packet:
         return "ok" if self.received == self.items else "wrong"
 
 
-@checked
 @dataclass(repr=False, eq=False)
 class Run:
     """A finished simulation of the link.
@@ -214,7 +212,6 @@ class Run:
 # The simulation --------------------------------------------------------------------------------
 
 
-@checked
 def simulate(
     system: System,
     changes: Change | Iterable[Change] = (),
@@ -507,7 +504,6 @@ class _Simulation:
             values[change.number] = change.value
 
 
-@checked
 def switch_delays(
     system: System | None = None,
     *,

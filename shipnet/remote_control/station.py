@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.remote_control.faults import HOPS
@@ -15,7 +14,6 @@ from shipnet.remote_control.ring_buffer import Ring, bytes_of
 from shipnet.remote_control.system import Counter, System
 
 
-@checked
 def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, int]:
     """Return the values that have changed since they were last sent, by number.
 

@@ -14,7 +14,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, number, part, record, switch, whole
 from shipnet.lazy import Axes, pd
@@ -93,7 +92,6 @@ def forwarded(source: str, target: str) -> frozenset[int]:
 # Supervision -----------------------------------------------------------------------------------
 
 
-@checked
 @record
 class Supervision:
     r"""The rule by which a silent partner is declared failed.
@@ -227,7 +225,6 @@ class Cascade(NamedTuple):
     alarm: str
 
 
-@checked
 @record
 class System:
     r"""The link of three stations: RCS polls BCS and SS in turn, over a separate line to each.
@@ -257,7 +254,7 @@ class System:
         "Packet format, a MarkerFormat or a CobsFormat; its ``n_numbers`` is the number of "
         "items, the same on all hops", default_factory=MarkerFormat,
     )  # fmt: skip
-    bit_rate: float = number(1, 10e6, "bit/s", "Bit rate", default=9600.0)
+    bit_rate: float = number(300, 10e6, "bit/s", "Bit rate", default=9600.0)
     character_bits: int = whole(
         10, 11, "bit",
         "Bits per byte on the line: 10, or 11 with a parity bit or a second stop bit; chung1998 "

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 from matplotlib.axes import Axes
 
-from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.fields import (
     Choice,
@@ -392,7 +391,6 @@ def _control(kind: Kind, value: Any) -> widgets.Widget | None:
     return None
 
 
-@checked
 def draw_steps(draw: Draw, steps: Sequence[int], axes: Sequence[Axes]) -> None:
     """Draw some frames side by side, as a static figure to show before a stepper.
 
@@ -424,7 +422,6 @@ def draw_steps(draw: Draw, steps: Sequence[int], axes: Sequence[Axes]) -> None:
         draw(step, ax)
 
 
-@checked
 def stepper(
     draw: Draw, captions: Sequence[str], *, width: float = 7.5, height: float = 3.2
 ) -> widgets.VBox:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from shipnet.arguments import checked
 from shipnet.lazy import Axes
 
 if TYPE_CHECKING:
@@ -12,7 +11,6 @@ if TYPE_CHECKING:
     from shipnet.tools._view import View
 
 
-@checked
 class Tool:
     """Base class of tools: their fields are a page's controls, and their properties the results."""
 

@@ -14,7 +14,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from shipnet import datasets
-from shipnet.arguments import checked
 from shipnet.design.catalogue import Assumptions, Range
 from shipnet.design.comparison import Comparison, compare
 from shipnet.design.designs import Design
@@ -94,7 +93,6 @@ def _examples() -> Mapping[str, str]:
 EXAMPLES = _examples()
 
 
-@checked
 @record
 class ShipDesign(Tool):
     """Comparison of ways to connect the points of a ship's I/O list.
@@ -300,7 +298,7 @@ class ShipDesign(Tool):
 def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
     """Return the inputs with the I/O list of a file; the cabinet is left empty, to be inferred."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "list"
+        path = Path(folder) / "list.csv"
         path.write_bytes(content)
         try:
             iolist = read_iolist(path, settings=Settings.parse(inputs.own))

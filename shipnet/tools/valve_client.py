@@ -13,7 +13,6 @@ from weakref import finalize
 import numpy as np
 from matplotlib.axes import Axes
 
-from shipnet.arguments import checked
 from shipnet.ballast.live import Client, Link, ModelValves, Readout, said, serve
 from shipnet.errors import load_extra
 from shipnet.fields import record, text, whole
@@ -31,7 +30,6 @@ else:
 _OWN = 16
 
 
-@checked
 @record
 class ValveClient(Tool):
     """Ballast valves over Modbus/TCP: open, close and set them, and see their responses.

@@ -1,7 +1,9 @@
 """Transactions decoded from line voltages of our own simulator and of ngspice."""
 
+import itertools
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 from matplotlib.figure import Figure
 from scipy.signal import bilinear, firwin, lfilter
 
+from shipnet import asi, style
 from shipnet.__main__ import main
 from shipnet.arrays import parts_of
 from shipnet.asi import Call, Request, bursts
@@ -494,6 +497,23 @@ def test_a_figure_of_a_long_record_shows_every_peak():
     drawn = ax.lines[0]
     assert len(drawn.get_ydata()) < 25_000
     assert drawn.get_ydata().max() == 9
+
+
+@pytest.mark.parametrize("stop", [400e-6, 700e-6, 2e-3, 20e-3])
+def test_no_words_above_a_record_overlap(stop):
+    wave = asi.line(60, 31).record(20e-3, rng=1)
+    capture = decode(noise(wave.u, 0.75), wave.dt)
+    with mpl.rc_context():
+        style.use()
+        ax = Figure(figsize=(10, 3.2), layout="constrained").subplots()
+        capture.plot(ax, stop=stop)
+        ax.figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in ax.texts]
+    assert not [a for a, b in itertools.combinations(boxes, 2) if a.overlaps(b)]
+    errors = [text.get_text() for text in ax.texts if "Error" in text.get_text()]
+    red = [bar for bar in ax.patches if mpl.colors.same_color(bar.get_facecolor()[:3], "#c0392b")]
+    if stop == 20e-3:
+        assert len(red) > len(errors) > 3
 
 
 def test_figure_names_an_error():

@@ -103,7 +103,6 @@ def test_repetitions_only_delay_the_worst_case():
         (lambda: cycle_time(44, pairs=12), "pairs is 12; for 44 slaves it must be 13..22"),
         (lambda: cycle_time(3, pairs=2), "for 3 slaves it must be 0..1"),
         (lambda: cycle_time(1, inclusion=2), "inclusion is 2"),
-        (lambda: Cycle().response_time(paired=2), "paired is 2"),
         (lambda: Cycle().response_time(repetitions=0.5), "repetitions is 0.5"),
         (lambda: Cycle().response_time("S-7.3", conversion=-1), "conversion is -1 s"),
     ],

@@ -227,7 +227,6 @@ def test_every_word_is_sent_and_meets_its_own_disturbance():
         ({"amplitudes": -1}, "amplitude is -1 V"),
         ({"amplitudes": [0, np.nan]}, "amplitude is nan V"),
         ({"amplitudes": [[1]]}, "a number or a 1-D array"),
-        ({"amplitudes": "1"}, r"amplitudes is .*; it must be numbers"),
         ({"n_telegrams": 0}, "n_telegrams is 0"),
         ({"n_telegrams": 1e3 + 0.5}, r"n_telegrams is 1000\.5"),
     ],
@@ -243,7 +242,6 @@ def test_bad_arguments_are_named(change, message):
     [
         (0.0, 0.45, "must be above 0"),
         ([0.1, np.nan], 0.45, "must be above 0"),
-        ("1", 0.45, "it must be numbers"),
         (0.1, 0.0, "received without an error"),
         (0.1, 5.0, "received without an error"),
     ],

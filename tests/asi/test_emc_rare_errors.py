@@ -1,7 +1,6 @@
 """Rare errors, compared with counts where possible, with theory where valid, and repeated."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -14,8 +13,6 @@ from shipnet.asi.emc.rare_errors import rare_error_rates
 from shipnet.asi.receiver import RECEIVERS, Receiver
 from shipnet.errors import ArgumentError, InputError
 from tests.support import tolerance
-
-rare_error_rates = partial(rare_error_rates, client=1)
 
 NEAR = asi.line(100, slaves=(5, 100)).waveform(node="5 m")
 PROOF, DEAF = RECEIVERS["noise-proof"], Receiver(minimum=1.3)
@@ -58,7 +55,7 @@ def test_the_interval_contains_the_rate_as_often_as_it_says():
     rng = np.random.default_rng(2024)
     held = 0
     for _ in range(150):
-        found = rare_errors._summary([rare_errors._sample((case, 500), rng)])
+        found = rare_errors._summary([rare_errors._sample((case, 500, rng))])
         held += found["rate_low"] <= truth <= found["rate_high"]
     # 95 % of 150 are 142.5; four standard deviations are 10.7.
     assert 132 <= held

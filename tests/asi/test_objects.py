@@ -73,3 +73,9 @@ def test_a_capture_against_its_plan_names_who_is_missing():
     assert missing[["rule", "object"]].values.tolist() == [["answers", "slave 2"]]
     with pytest.raises(ArgumentError, match="dt is missing"):
         asi.decode(asked.u)
+
+
+def test_a_master_given_a_node_as_profiles_says_how_to_give_both():
+    with pytest.raises(ArgumentError, match=r"projected is 'PLC'; .* \{'1': .*node='PLC'"):
+        asi.Master("PLC")
+    assert asi.Master({"1": "S-7.F.F"}).protected and not asi.Master().protected

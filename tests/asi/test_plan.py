@@ -162,7 +162,6 @@ def test_the_last_slaves_share_addresses_or_those_that_can_wait():
         (lambda: Repeater("a", "b", delay=math.inf), "delay is inf"),
         (lambda: Terminator("a", 0), "resistance is 0 ohm"),
         (lambda: Plan([]), "the plan has no cable"),
-        (lambda: Plan([Master(node="a")]), "one of cables is Master"),
         (lambda: line(100, [101]), "the slave is at 101 m"),
         (lambda: ring(100, []), "the last position on the ring is 0.0 m"),
         (lambda: ring(100, [100]), "must be between 0 and 100 m"),

@@ -217,7 +217,17 @@ def plans(draw):
         draw(st.lists(supply, max_size=2)),
         draw(st.lists(slave, max_size=4)),
         (),
-        draw(st.lists(st.builds(Terminator, at, quantities(Terminator, "resistance")), max_size=2)),
+        draw(
+            st.lists(
+                st.builds(
+                    Terminator,
+                    at,
+                    quantities(Terminator, "resistance"),
+                    quantities(Terminator, "inductance"),
+                ),
+                max_size=2,
+            )
+        ),
     )
 
 
@@ -246,7 +256,7 @@ def test_any_file_is_a_plan_or_an_input_error(tmp_path_factory, content):
 def test_only_columns_in_use_are_written(tmp_path):
     line(100, 1).save(tmp_path / "plan.csv")
     header = (tmp_path / "plan.csv").read_text().splitlines()[0]
-    unused = ("channels", "conversion_ms", "delay_us", "resistance_ohm")
+    unused = ("channels", "conversion_ms", "delay_us", "resistance_ohm", "inductance_uh")
     assert header.split(",") == [c for c in COLUMNS if c not in unused]
 
 

@@ -114,6 +114,22 @@ def test_a_master_in_the_middle_has_500_m_of_cable():
     assert failed(middle) == []
 
 
+@pytest.mark.parametrize("metres", range(100, 201, 20))
+@pytest.mark.parametrize("slaves", [2, 8, 16])
+def test_a_terminated_line_of_200_m_meets_all_limits(metres, slaves):
+    plan = line(metres, slaves, current=0.02)
+    ended = changed(plan, terminators=[Terminator(f"{metres} m")])
+    assert ended.check().ok
+
+
+def test_the_check_explains_what_a_terminator_costs():
+    resistor = line(120, 8, terminator=100.0).check().violated().set_index("rule")["why"]
+    assert "use a smaller inductance" in resistor["ringing"].iloc[0]
+    crowded = changed(line(200, 31, current=0.01), terminators=[Terminator("200 m")])
+    assert crowded.check().violated()["rule"].unique().tolist() == ["signal_level_least"]
+    assert "use fewer slaves" in crowded.check().violated()["why"].iloc[0]
+
+
 def test_a_terminator_allows_200_m_and_only_one_repeater_in_series():
     plan = changed(line(200, [200]), terminators=[Terminator("200 m")])
     assert "cable_length" not in check(plan)["rule"].tolist()

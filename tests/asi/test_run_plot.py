@@ -54,12 +54,36 @@ def test_a_window_shows_what_begins_in_it(ax):
     assert len(requests) == 2
 
 
-def test_nothing_and_too_much_are_refused(ax):
-    run = traffic()
-    with pytest.raises(ArgumentError, match="select 0 requests"):
-        run.plot(start=1.0, ax=ax)
-    with pytest.raises(ArgumentError, match=r"select \d{3} requests; a figure shows 1 to 500"):
-        simulate([Slave("1")], cycles=300).plot(ax=ax)
+def requests_in(ax):
+    return [patch for patch in ax.patches if patch.get_y() == -0.4]
+
+
+def test_of_many_requests_those_around_the_first_fault_are_drawn(ax):
+    drawn = np.zeros((300, 3, 2, 2), dtype=np.uint8)
+    drawn[[200, 250], 0, 1, 0] = 1
+    run = simulate_drawn(drawn, [Slave("1"), Slave("2")], cycles=300)
+    run.plot(ax=ax)
+    events = run.events()
+    fault = events.query("phase == 'data_exchange' and outcome != 'ok'").index[0]
+    assert len(requests_in(ax)) == 40
+    assert requests_in(ax)[20].get_x() == pytest.approx(1e3 * events["time_s"][fault])
+    said = f"requests {fault - 19} to {fault + 20} of {len(events)}, around the first fault"
+    assert ax.get_title("left") == said
+
+
+@pytest.mark.parametrize("cycles", [60, 300])
+def test_of_many_requests_without_a_fault_the_longest_wait_is_drawn(ax, cycles):
+    run = simulate([Slave("1"), Slave("2")], cycles=cycles)
+    run.plot(ax=ax)
+    many = len(run.events()) > 500
+    assert many == (cycles == 300)
+    assert len(requests_in(ax)) == (40 if many else len(run.events()))
+    assert ax.get_title("left").endswith("around the longest wait of a slave" if many else "")
+
+
+def test_a_figure_of_nothing_is_refused(ax):
+    with pytest.raises(ArgumentError, match="select no request"):
+        traffic().plot(start=1.0, ax=ax)
 
 
 def test_the_states_are_drawn_from_their_table(ax):

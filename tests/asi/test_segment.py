@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -6,7 +7,7 @@ import pytest
 
 from shipnet.asi import Request, Response
 from shipnet.asi.modulation import Modulation
-from shipnet.asi.segment import POWER_SUPPLY, quality_of, telegram_voltages
+from shipnet.asi.segment import POWER_SUPPLY, Terminator, quality_of, telegram_voltages
 from shipnet.asi.slave import DEVICE
 from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.topologies import line, ring, star
@@ -48,6 +49,40 @@ def test_a_terminator_and_a_lossless_cable_change_the_signal():
     )
     assert np.abs(plain - lossless).max() > 1e-3
     assert np.abs(plain - ended).max() > 0.1
+
+
+def test_a_terminated_line_agrees_with_a_solution_of_the_nodal_equations():
+    # Chain matrices of two cables joined at 5 m, solved as 3 equations per frequency.
+    ohm, henry, cable = 180.0, 300e-6, CABLES["as-i 1.5"]
+    plain = line(200, slaves=(5, 200))
+    plan = replace(plain, terminators=[Terminator("200 m", ohm, henry)])
+    a, n = 5e4, 4096
+    dt = 102.4e-6 / n
+    s = a + 2j * np.pi * np.fft.rfftfreq(n, dt)
+    z, y = cable.series_impedance(s), cable.shunt_admittance(s)
+    gamma = np.sqrt(z * y)
+    admittance = np.zeros((s.size, 3, 3), complex)
+    for k, metres in enumerate((5, 195)):
+        own = gamma / z / np.tanh(gamma * metres)
+        mutual = gamma / z / np.sinh(gamma * metres)
+        admittance[:, k, k] += own
+        admittance[:, k + 1, k + 1] += own
+        admittance[:, k, k + 1] -= mutual
+        admittance[:, k + 1, k] -= mutual
+    device = 1 / 13.5e3 + 1 / (13.5e-3 * s) + 50e-12 * s
+    admittance[:, 0, 0] += device + 1 / 78 + 1 / (100e-6 * s)
+    admittance[:, 1, 1] += device
+    admittance[:, 2, 2] += device + 1 / ohm + 1 / (henry * s)
+    current = Modulation("0011001").transform(s, start=5e-6)
+    for row, node in ((1, "5 m"), (2, "200 m")):
+        drawn = np.zeros((s.size, 3, 1), complex)
+        drawn[:, row, 0] = -current
+        heard = np.linalg.solve(admittance, drawn)[:, 0, 0]
+        t = np.arange(n) * dt
+        u = np.exp(a * t) * np.fft.irfft(heard, n) / dt
+        wave = plan.waveform(SIX, node, dt=50e-9, before=5e-6, after=20e-6)
+        true = np.interp(np.arange(wave.u.size) * wave.dt, t, u)
+        assert wave.u == pytest.approx(true, abs=5e-4 * np.abs(true).max())
 
 
 def test_places_may_coincide():

@@ -222,7 +222,7 @@ def test_a_dead_sensor_makes_a_healthy_stroke_undetermined(name, codes, missing)
     assert diagnosis.commands()["top_fault"].tolist() == ["undetermined", "normal"]
     assert repr(diagnosis) == "Diagnosis(2 valves, valve 1: undetermined)"
     title = diagnosis.plot(1, ax=Figure().subplots()).get_title(loc="left")
-    assert title == "diagnosis: undetermined"
+    assert title == "diagnosis of valve 1: undetermined"
 
 
 def test_a_single_lost_reading_cannot_hide_a_persistent_fault():

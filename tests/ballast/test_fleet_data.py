@@ -37,7 +37,7 @@ def fleet(tmp_path_factory):
     if not find_spec("pyarrow"):
         return None
     folder = tmp_path_factory.mktemp("fleet")
-    return folder, write_fleet(folder, 55, 2, faults_per_year=50, client=1)
+    return folder, write_fleet(folder, 55, 2, faults_per_year=50)
 
 
 def sums(folder):
@@ -105,7 +105,7 @@ def test_a_fault_begins_grows_and_ends_even_near_midnight():
     names = ["", *FAULTS]
     assert [names[place + 1] for place in code] == ["", "", "V1", "", "P2", ""]
     assert severity.tolist() == [0, 0, 1, 0, 0.4, 0]
-    block = _Block("", 0, 2, 3, 0.0, 4, 60.0, 1)
+    block = _Block("", 0, 2, 3, 0.0, 4, 60.0, 1, {})
     plant = Plant(spread_valves(2, np.random.default_rng(1)), [*history.faults(2)])
     last = [run.time[-1] for _, run, _ in _days(block, plant, np.random.default_rng(1))]
     assert last == pytest.approx([DAY - 1, 2 * DAY - 1, 3 * DAY - 1])
@@ -123,7 +123,7 @@ def test_faults_are_as_frequent_and_as_long_as_requested():
 
 
 def test_days_simulated_one_by_one_equal_one_run():
-    block = _Block("", 0, 4, 3, 0.0, 5, 60.0, 1)
+    block = _Block("", 0, 4, 3, 0.0, 5, 60.0, 1, {})
     system = spread_valves(4, np.random.default_rng(1))
     history = _History([], [(0.0, "", 0.0), (DAY + 40.0, "P2", 0.6), (2.4 * DAY, "", 0.0)])
     faults = list(history.faults(3))
@@ -158,12 +158,14 @@ def test_two_workers_write_the_same_bytes_even_if_one_is_killed(tmp_path):
                 killed.append(next(iter(client.run(os.getpid).values())))
                 os.kill(killed[0], signal.SIGKILL)
 
-        there = write_fleet(tmp_path / "there", 160, 1, client=client, progress=look)
-    here = write_fleet(tmp_path / "here", 160, 1, client=1)
+        there = write_fleet(
+            tmp_path / "there", 160, 1, workers=client.get_executor(pure=False).map, progress=look
+        )
+    here = write_fleet(tmp_path / "here", 160, 1)
     assert killed and there.equals(here)
     assert sums(tmp_path / "there") == sums(tmp_path / "here")
     # Adding valves does not change the existing ones.
-    write_fleet(tmp_path / "less", 50, 1, client=1)
+    write_fleet(tmp_path / "less", 50, 1)
     data = [pd.read_parquet(tmp_path / name / "samples") for name in ("less", "here")]
     assert data[0].equals(data[1][data[1]["valve"] <= 50].reset_index(drop=True))
 
@@ -176,22 +178,24 @@ def test_a_stopped_fleet_continues_where_it_stopped(tmp_path):
         raise Stop
 
     with pytest.raises(Stop):
-        write_fleet(tmp_path, 60, 1, client=1, progress=stop)
+        write_fleet(tmp_path, 60, 1, progress=stop)
     (file,) = tmp_path.glob("samples/*/*.parquet")
     written = file.stat().st_mtime_ns
     (file.parent / ".block-0001.parquet.host.1").write_bytes(b"half a file")
     seen = []
-    made = write_fleet(tmp_path, 60, 1, client=1, progress=lambda done, _: seen.append(done))
+    made = write_fleet(tmp_path, 60, 1, progress=lambda done, _: seen.append(done))
     assert seen == [1, 2] and file.stat().st_mtime_ns == written
     assert made["valves"].tolist() == [50, 10] and not list(tmp_path.rglob(".block-*"))
-    with pytest.raises(InputError, match="has results of another function, other tasks"):
-        write_fleet(tmp_path, 60, 2, client=1)
+    with pytest.raises(
+        InputError, match="is of another fleet: its days is '1', not '2'; give an empty"
+    ):
+        write_fleet(tmp_path, 60, 2)
 
 
 def test_memory_does_not_grow_with_the_days(tmp_path):
     def most(days):
         tracemalloc.start()
-        write_fleet(tmp_path / str(days), 5, days, client=1, strokes=1)
+        write_fleet(tmp_path / str(days), 5, days, strokes=1)
         most = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return most
@@ -212,8 +216,7 @@ def test_memory_does_not_grow_with_the_days(tmp_path):
         ({"idle_step": 0.5}, r"idle_step is 0\.5"),
         ({"seed": -1}, "seed is -1"),
         ({"seed": None}, "seed is None"),
-        ({"folder": None}, "folder is None"),
-        ({"client": "nowhere://x"}, "client is 'nowhere://x'; no scheduler responds there"),
+        ({"workers": 0}, r"workers is 0; it must be a whole number 1\.\.1024"),
     ],
 )
 def test_bad_arguments_are_named(tmp_path, change, message):
@@ -223,7 +226,7 @@ def test_bad_arguments_are_named(tmp_path, change, message):
 
 
 def test_without_strokes_and_faults_there_are_samples_only(tmp_path):
-    made = write_fleet(tmp_path, 1, 1, strokes=0, faults_per_year=0, client=1)
+    made = write_fleet(tmp_path, 1, 1, strokes=0, faults_per_year=0)
     assert made.loc[0, ["faults", "samples", "strokes"]].tolist() == [0, 1441, 0]
     assert pd.read_parquet(tmp_path / "strokes").empty
 
@@ -234,7 +237,7 @@ def test_the_command_writes_a_fleet_and_names_mistakes(tmp_path, capsys, monkeyp
     said = capsys.readouterr().out
     assert said.startswith("2 valves, 1 days, 0 faults, ") and "of synthetic data in" in said
     assert main([*words[:-2], "--out", "/proc/shipnet"]) == 2
-    assert capsys.readouterr().err.startswith("shipnet: /proc/shipnet/done: cannot be used")
+    assert capsys.readouterr().err.startswith("shipnet: /proc/shipnet: cannot be used")
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     assert main(words) == 2
     assert "python -m pip install pyarrow" in capsys.readouterr().err

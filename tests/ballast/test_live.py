@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 
 from shipnet.ballast.diagnosis import Recorder, diagnose_run
-from shipnet.ballast.live import Client, _diagnosis_of, _manual, _remote, acceptance_tests
 from shipnet.ballast.live import TestBed as Bed
+from shipnet.ballast.live import _diagnosis_of, _manual, _remote, acceptance_tests
 from shipnet.ballast.plant import FAULTS, Command, Plant
 from shipnet.ballast.simulation import simulate
 from shipnet.errors import ArgumentError
-from tests.support import check_mistakes
 
 
 @pytest.fixture(scope="module")
@@ -121,11 +120,6 @@ def test_received_readings_are_multiples_of_the_register_steps():
 def test_a_bad_argument_is_named(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
-
-
-def test_an_argument_of_a_client_is_named_before_it_connects():
-    good = {"address": "127.0.0.1", "port": 1, "n_valves": 2, "timeout": 0.1}
-    check_mistakes(Client, good, {"address": "text"})
 
 
 def test_a_rate_below_those_printed_is_too_slow():

@@ -45,7 +45,8 @@ def test_the_diagnosis_names_what_is_active_and_how_strongly_it_fired():
     ax = diagnosis.plot(2, ax=axes())
     widths = dict(zip(diagnosis.base.codes, [bar.get_width() for bar in ax.patches], strict=True))
     assert (widths["P1"], widths["V2"], widths["G1"]) == (1, 1, 0)
-    assert ax.get_title("left") == "diagnosis: P1, also V2"
-    assert diagnosis.plot(ax=axes()).get_title("left") == "diagnosis: normal"
+    assert ax.get_title("left") == "diagnosis of valve 2: P1, also V2"
+    assert diagnosis.plot(ax=axes()).get_title("left") == "diagnosis of valve 2: P1, also V2"
+    assert diagnosis.plot(1, ax=axes()).get_title("left") == "diagnosis of valve 1: normal"
     colours = [bar.get_facecolor() for bar in ax.patches]
     assert colours[1] == colours[4] != colours[0]

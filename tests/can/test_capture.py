@@ -111,7 +111,7 @@ def test_every_frame_of_the_boat_is_right(boat):
     assert boat.log.faults == ()
     # Two checks that do not depend on the CRC: messages of 1 Hz occur once per second, ...
     counts = table["arbitration_id"].value_counts()
-    assert counts[[0x0DF01000, 0x19FA0300]].tolist() == [345, 345]
+    assert counts[["0x0DF01000", "0x19FA0300"]].tolist() == [345, 345]
     # ... and the frames of messages in several parts are numbered without a gap.
     assert fast_packets(boat.log) == (1863, 13955, 0)
 
@@ -396,7 +396,7 @@ def test_can_fd_and_error_flags_are_named(save):
     assert table["error"].tolist()[0] == "ok"
     assert {"FormError", "StuffError", "AcknowledgeError"} <= set(table["error"])
     lonely = table[table["error"] == "AcknowledgeError"].iloc[0]
-    assert (lonely["arbitration_id"], lonely["data"]) == (0x123, "73686970")
+    assert (lonely["arbitration_id"], lonely["data"]) == ("0x123", "73686970")
     assert (
         table["arbitration_id"].isna().sum()
         == (table["error"].isin(["FormError", "StuffError"])).sum()

@@ -18,6 +18,7 @@ from shipnet.can import (
     example,
     read_log,
     read_messages,
+    response_times,
     simulate,
 )  # fmt: skip
 from shipnet.can.lengths import measure_frames
@@ -428,6 +429,77 @@ def test_a_data_length_code_above_eight_survives(tmp_path):
     assert log.dlc.tolist() == [11]
     log.save(tmp_path / "again.log")
     assert_same(read_log(tmp_path / "again.log"), log)
+
+
+RAW = "23:59:59.900 R 09F80105 FF 01\n00:00:00.100 T 19F51323 20 0E FF FF FF FF FF FF\n"
+
+
+@pytest.mark.parametrize("name", ["bus.txt", "bus.csv", "bus.raw"])
+def test_raw_logs_of_yacht_devices_are_read_across_midnight(tmp_path, name):
+    log = read_log(candump(tmp_path, "\n" + RAW, name))
+    assert log.time.tolist() == [86_399.9, 86_400.1]
+    assert log.arbitration_id.tolist() == [0x09F80105, 0x19F51323] and log.extended.all()
+    assert log.dlc.tolist() == [2, 8] and bytes(log.data[0, :2]) == b"\xff\x01"
+    assert len(read_messages(candump(tmp_path, RAW, name))) == 2
+
+
+@pytest.mark.parametrize(
+    ("line", "fault"),
+    [
+        ("00:00:01.000 R 19F5132 20", "is not a frame; expected hh:mm:ss.mmm R identifier data"),
+        ("00:00:61.000 R 19F51323 20", "is not a frame; expected hh:mm:ss.mmm R"),
+        ("00:00:01.000 R 19F51323" + 9 * " 20", "it has 9 bytes of data; it must have 0..8"),
+        ("00:00:01.000 R 39F51323 20", "the identifier is 0x39f51323; it must be 0..0x1fffffff"),
+        ("(1.0) can0 123#01", "is not a frame; expected hh:mm:ss.mmm R"),
+    ],
+)
+def test_a_bad_line_of_a_raw_log_is_named(tmp_path, line, fault):
+    path = candump(tmp_path, RAW + line + "\n")
+    with pytest.raises(InputError, match=r"line 3: .*" + fault):
+        read_log(path)
+    assert len(read_log(path, keep=True)) == 2
+
+
+def test_the_first_form_of_candump_is_read(tmp_path):
+    text = (
+        "# BeagleBone\ninterface = can0, family = 29, type = 3, proto = 1\n"
+        "<0x18eeff01> [8] 05 a0 be 1c 00 a0 a0 c0 \n<0x123> [2] 01 2A\n<0x123> [3] remote request\n"
+    )
+    log = read_log(candump(tmp_path, text, "bus.txt"))
+    assert log.arbitration_id.tolist() == [0x18EEFF01, 0x123, 0x123]
+    assert (log.extended.tolist(), log.remote.tolist()) == ([True, False, False], [0, 0, 1])
+    assert log.dlc.tolist() == [8, 2, 3] and bytes(log.data[0]).hex() == "05a0be1c00a0a0c0"
+
+
+@pytest.mark.parametrize("step", [1e-3, 1e-2])
+def test_coarse_time_stamps_are_recognised_and_named(step):
+    run = simulate(example(), 125e3, until=20.0)
+    log = run.log()
+    assert log.step <= 1e-5 and "steps" not in repr(log)
+    coarse = replace(log, time=np.floor(log.time / step) * step + 1.7e9)
+    assert coarse.step == step
+    assert repr(coarse).endswith(f", time stamps in steps of {step * 1e3:g} ms)")
+    found = compare(example(), coarse)
+    assert found.verdict.endswith(f"; time stamps in steps of {step * 1e3:g} ms")
+    # The frames of a single message may be regular; that does not make the stamps coarse.
+    regular = Log(np.arange(20) / 10, *(column[:20] for column in log.columns[1:]))
+    assert regular.step == 1e-6
+
+
+def test_identifiers_in_tables_have_all_digits(tmp_path):
+    messages = MessageSet(
+        [Message("a", 0x2A, 8, 0.01), Message("b", 0x9F20001, 8, 0.01, extended=True)]
+    )
+    run = simulate(messages, 125e3, until=0.1)
+    log, text = run.log(), ["0x02A", "0x09F20001"]
+    for table in (
+        messages.table(), run.table(), log.table().head(2), log.load(125e3).table(),
+        compare(messages, log).table(), response_times(messages, 125e3).table(),
+    ):  # fmt: skip
+        assert table["arbitration_id"].tolist() == text
+    assert log.messages().names == tuple(text)
+    messages.save(tmp_path / "list.csv")
+    assert "0x09F20001" in messages.text and read_messages(tmp_path / "list.csv") == messages
 
 
 PYTHON_CAN = "timestamp,arbitration_id,extended,remote,error,dlc,data\n"

@@ -5,16 +5,19 @@ import json
 import math
 from collections import deque
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from unittest.mock import Mock, patch
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
+from shipnet import style
 from shipnet.can import (
     Assumptions,
     Message,
@@ -476,8 +479,6 @@ def test_empty_sets_are_accepted_and_wrong_arguments_refused():
     for rate in (999, 1_000_001, 83_333.3, math.nan, None, "125000"):
         with pytest.raises(ArgumentError, match=r"bit_rate is .*; it must be"):
             response_times(davis_messages(), rate)
-    with pytest.raises(ArgumentError, match=r"^assumptions is 1"):
-        response_times(nothing, FAST, assumptions=1)
 
 
 @pytest.mark.parametrize(
@@ -534,17 +535,12 @@ def test_results_can_be_read_by_name_and_name_the_critical_message():
     found = response_times(davis_messages(), 125e3)
     assert found["C"] == found[-1]
     assert (found.met, found.late, found.critical) == (False, ["C"], "C")
-    assert repr(found) == "ResponseTimes(3 messages, 1 late, critical: C)"
-    assert repr(response_times(davis_messages(), 500e3)).startswith("ResponseTimes(3 messages, all")
+    assert repr(found) == "ResponseTimes(3 messages at 125 kbit/s, 1 late, critical: C)"
+    fast = repr(response_times(davis_messages(), 500e3))
+    assert fast.startswith("ResponseTimes(3 messages at 500 kbit/s, all")
     with pytest.raises(ArgumentError, match="name is 'D'; the messages are A, B, C"):
         found["D"]
     assert found.table()["load_percent"].sum() == pytest.approx(100 * (1 / 2.5 + 2 / 3.5), rel=1e-9)
-
-
-@pytest.mark.parametrize("wrong", [faults.BitErrors(1e-3), [faults.ErrorAt(1.0)], [errors(1)], ()])
-def test_an_analysis_accepts_one_bound_on_errors_only(wrong):
-    with pytest.raises(ArgumentError, match=r"faults is .*; it must be an ErrorBound or None"):
-        response_times(davis_messages(), 125e3, faults=wrong)
 
 
 # The figure.
@@ -599,6 +595,26 @@ def test_a_response_without_bound_is_drawn_as_such(ax):
 def test_a_set_without_messages_can_be_drawn(ax):
     response_times(MessageSet([]), 125_000).plot(ax)
     ax.figure.draw_without_rendering()
+
+
+@pytest.mark.parametrize("saved", [False, True])
+def test_a_figure_of_many_messages_is_tall_enough_for_their_names(monkeypatch, saved):
+    answer = response_times(
+        MessageSet([Message(f"MSG_{k}", k, 8, 0.01 + 0.005 * k) for k in range(60)]), 250e3
+    )
+    if saved:
+        drawn = []
+        monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
+        style.save(answer.plot, "all.png")
+        (figure,) = drawn
+    else:
+        figure = answer.plot().figure
+    figure.draw_without_rendering()
+    boxes = [label.get_window_extent() for label in figure.axes[0].get_yticklabels()]
+    assert not any(one.overlaps(other) for one, other in pairwise(boxes))
+    plt.close("all")
+    assert response_times(MessageSet([]), 125_000).plot().figure.get_figheight() < 5
+    plt.close("all")
 
 
 def test_utilisation_is_the_load_and_a_period_and_a_response():

@@ -387,6 +387,20 @@ def test_a_limit_on_responses_is_met_where_the_list_alone_would_exceed_it(option
     assert design.fits and design.check(rules).ok
     assert (1e3 * host + design.points["response_ms"][inputs]).max() <= 1e3 * rules.rules[0].limit
     pd.testing.assert_frame_equal(design.without_limits.points, loose.points)
+    longest = 1e3 * (rules.rules[0].limit - host)
+    used = design.tables()["points"].set_index("tag")[["update_ms", "planned_update_ms"]]
+    assert (used["update_ms"] == 5000).all()
+    assert used["planned_update_ms"].to_numpy() == pytest.approx(np.where(inputs, longest, 5000))
+    columns = list(design.tables()["points"])
+    assert columns.index("planned_update_ms") == columns.index("update_ms") + 1
+
+
+def test_a_point_without_an_update_time_is_planned_with_that_of_the_settings():
+    points = table([("contact", (1, 0, 2), np.nan), ("contact", (2, 0, 2), 300.0)])
+    for option in ("CAN", "home runs"):
+        found = plan(points, SITE, option).tables()["points"]["planned_update_ms"]
+        used = [1000, 300] if option == "CAN" else [np.nan] * 2
+        assert found.tolist() == pytest.approx(used, nan_ok=True)
 
 
 def test_a_limit_that_is_met_anyway_changes_nothing():

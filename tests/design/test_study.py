@@ -1,7 +1,5 @@
 """Comparisons over values of settings; for a cluster, see test_parallel."""
 
-import sys
-
 import pandas as pd
 import pytest
 
@@ -20,7 +18,7 @@ WAYS = ["home runs", "junction boxes", "AS-i"]
 
 
 def test_each_row_agrees_with_a_separate_comparison():
-    table = LIST.study(GRID, SITE, WAYS, rules="IMO", client=1)
+    table = LIST.study(GRID, SITE, WAYS, rules="IMO")
     assert list(table.columns[:3]) == ["detour", "boxes.points", "design"]
     assert len(table) == 12
     for detour in (1.0, 1.6):
@@ -76,15 +74,10 @@ def test_an_error_in_a_comparison_names_the_grid_point():
     assert error.value.__notes__ == ["in task 0: {'detour': 1.0}"]
 
 
-def test_a_short_study_starts_no_process(monkeypatch):
-    monkeypatch.setitem(sys.modules, "loky", None)
-    assert len(LIST.study({"detour": [1.0, 1.2]}, SITE, ["home runs"])) == 2
-
-
 def test_progress_is_reported_after_each_comparison():
     told = []
     LIST.study(
-        {"spare": [0.1, 0.2, 0.3]}, SITE, ["home runs"], client=1,
+        {"spare": [0.1, 0.2, 0.3]}, SITE, ["home runs"],
         progress=lambda *state: told.append(state),
     )  # fmt: skip
     assert told == [(1, 3), (2, 3), (3, 3)]

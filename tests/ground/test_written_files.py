@@ -2,6 +2,7 @@
 
 import ast
 import csv
+import inspect
 import io
 import json
 import sys
@@ -13,14 +14,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipnet import asi, can, line
+import shipnet
+from shipnet import asi, can, datasets, design, line
 from shipnet.__main__ import main
 from shipnet.answers import Answer
 from shipnet.asi.plan_file import read_elements, write_elements
 from shipnet.design.command import save_faults
 from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.rules import RuleSet
-from shipnet.tables import NUMBER, as_csv, as_workbook, cell_text, csv_text, parse_sheet
+from shipnet.errors import ArgumentError
+from shipnet.tables import (
+    NUMBER,
+    as_csv,
+    as_workbook,
+    cell_text,
+    csv_text,
+    parse_sheet,
+    read_sheet,
+    save_table,
+)
 
 PACKAGE = Path(__file__).resolve().parents[2] / "shipnet"
 
@@ -104,8 +116,9 @@ def test_a_plan_is_read_back_as_it_was(tmp_path_factory, first, second):
     path = tmp_path_factory.getbasetemp() / "plan.csv"
     elements = [asi.Master(node=first), asi.CableRun(first, second, 10.0),
                 asi.Slave(label="1", node=second)]  # fmt: skip
-    write_elements(elements, path)
-    assert read_elements(path) == elements
+    notes = {("cable", first, second): first}
+    write_elements(elements, path, notes)
+    assert read_elements(path) == (elements, notes)
     assert not [
         cell for row in rows_of(path.read_bytes()) for cell in row if starts_a_formula(cell)
     ]
@@ -160,6 +173,99 @@ def test_an_answer_is_saved_without_formulas(suffix, tmp_path):
         assert titles == ["'=name", "value"]
         assert rows[0] == ["'=1+1", "-1"]
         assert not [cell for row in rows for cell in row if starts_a_formula(cell)]
+
+
+LIST = IoList.parse("tag,signal,x,y,z\n1,contact,1,2,3\n007,4-20mA_loop,1,2,3\n")
+
+
+def shipped(read, name):
+    return lambda: read(datasets.path(name))
+
+
+#: What makes an object of each class, its legal suffixes, and what reads a file for comparison.
+MADE = {
+    "asi.Plan": (
+        shipped(asi.read_plan, "synthetic_asi_plan_300m.csv"), ".csv .xlsx", asi.read_plan,
+    ),
+    "asi.Waveform": (lambda: asi.star(10, [5]).waveform(node="leg 1"), ".csv .txt .npz", None),
+    "can.Log": (lambda: can.simulate(can.example(), 125e3, until=0.1).log(), ".log", None),
+    "can.MessageSet": (can.example, ".csv .xlsx", can.read_messages),
+    "design.Comparison": (lambda: LIST.compare((20, 0, 4), ["home runs"]), "folder", None),
+    "design.Design": (lambda: LIST.plan("home runs", (20, 0, 4)), "folder", None),
+    "design.IoList": (
+        shipped(read_iolist, "synthetic_iolist_ship.csv"), ".csv .xlsx", read_iolist,
+    ),
+    "design.Settings": (
+        lambda: design.Settings().replace({"supply.voltage": 26}), ".toml", design.Settings.read,
+    ),
+    "line.Waveform": (lambda: line.Waveform([0.0, 1.5], 1e-6), ".csv .txt .npz", None),
+}  # fmt: skip
+FOLDERS = [name for name, (_, legal, _) in MADE.items() if legal == "folder"]
+SUFFIXES = (".csv", ".txt", ".xlsx", ".XLSX", ".log", ".toml", ".npz", ".png", ".dbc", "")
+
+
+def test_every_class_that_saves_is_tested():
+    packages = {name: getattr(shipnet, name) for name in dir(shipnet)}
+    assert {
+        f"{name}.{title}" for name, package in packages.items() for title in dir(package)
+        if inspect.isclass(thing := getattr(package, title)) and hasattr(thing, "save")
+    } == set(MADE)  # fmt: skip
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("name", sorted(MADE.keys() - FOLDERS))
+def test_a_file_is_what_its_suffix_says_or_is_refused(name, suffix, tmp_path):
+    make, legal, read = MADE[name]
+    made, path = make(), tmp_path / f"saved{suffix}"
+    if suffix.lower() not in legal.split():
+        with pytest.raises(ArgumentError, match="its suffix must be"):
+            made.save(path)
+        assert not path.exists()
+        return
+    made.save(path)
+    workbook_or_archive = suffix.lower() in (".xlsx", ".npz")
+    assert path.read_bytes().startswith(b"PK") == workbook_or_archive
+    if read:
+        again = read(path)
+        same = again.points.equals(made.points) if name == "design.IoList" else again == made
+        assert same
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_a_folder_with_the_suffix_of_a_file_is_refused(name, tmp_path):
+    made = MADE[name][0]()
+    for suffix in (".xlsx", ".csv", ".html"):
+        with pytest.raises(ArgumentError, match="it must be a folder, not a file"):
+            made.save(tmp_path / f"saved{suffix}")
+    made.save(tmp_path / "hull 2.5")
+    assert [folder.name for folder in tmp_path.iterdir()] == ["hull 2.5"]
+
+
+def test_a_workbook_has_numbers_where_they_are_read_back_as_they_were(tmp_path):
+    cells = ["7", "-1.5", "007", "1e5", "+3", "12A", "", "22.50", "9" * 20, "1e999", None, 2.5]
+    save_table(tmp_path / "a.xlsx", pd.DataFrame({"a": cells, "b": "x"}))
+    again = read_sheet(tmp_path / "a.xlsx")
+    assert [row[0] for _, row in again.rows] == [str(cell or "") for cell in cells]
+    found = openpyxl.load_workbook(tmp_path / "a.xlsx").active["A"][1:]
+    assert [cell.value for cell in found if isinstance(cell.value, int | float)] == [7, -1.5, 2.5]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".xlsx"])
+def test_a_plan_keeps_its_notes(tmp_path, suffix):
+    text = ("kind,node,to,length_m,address,note\nmaster,a,,,,below deck 3\ncable,a,b,5,,\n"
+            "supply,a,,,,\nslave,b,,,7,=spare\n")  # fmt: skip
+    (tmp_path / "plan.csv").write_text(text)
+    plan = asi.read_plan(tmp_path / "plan.csv")
+    plan.save(tmp_path / f"saved{suffix}")
+    again = asi.read_plan(tmp_path / f"saved{suffix}")
+    notes = {("master", "a"): "below deck 3", ("slave", "b", "7"): "=spare"}
+    assert again.notes == plan.notes == notes
+    longer = plan.with_repeater("b", plan)
+    assert {key: note for key, note in longer.notes.items() if key[0] == "slave"} == {
+        ("slave", "b", "7"): "=spare",
+        ("slave", "2/b", "14"): "=spare",
+    }
+    assert longer.notes["master", "a"] == "below deck 3"
 
 
 def test_the_names_of_nodes_in_a_record_are_no_formulas(tmp_path):

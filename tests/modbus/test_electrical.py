@@ -26,7 +26,7 @@ def test_lengths_and_rates_equal_the_published_ones():
 
 @pytest.mark.parametrize("name", INTERFACES)
 def test_a_line_is_never_longer_at_a_higher_rate(name):
-    lengths = [longest(name, rate) for rate in np.geomspace(50, 10e6, 200)]
+    lengths = [longest(name, rate) for rate in np.geomspace(300, 10e6, 200)]
     assert (np.diff(lengths) <= 0).all()
 
 

@@ -190,7 +190,6 @@ def test_the_tolerance_is_where_a_simulated_receiver_begins_to_fail(character):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: SerialLine(9600).waveform(["text"]), "one of frames is 'text'; it must be bytes"),
         (lambda: SerialLine(9600).waveform(b"", gap=-1), "gap is -1"),
         (lambda: SerialLine(9600).waveform(b"", start=float("nan")), "start is nan"),
         (lambda: read([0, 1], [1], SerialLine(9600)), "shape"),
@@ -198,7 +197,6 @@ def test_the_tolerance_is_where_a_simulated_receiver_begins_to_fail(character):
         (lambda: read([1, 0], [1, 0], SerialLine(9600)), "time decreases"),
         (lambda: read([0, np.nan], [1, 0], SerialLine(9600)), "finite"),
         (lambda: read([0, 1], [1, np.inf], SerialLine(9600)), "finite"),
-        (lambda: read(["a"], [1], SerialLine(9600)), "numbers"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):

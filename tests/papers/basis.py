@@ -28,8 +28,6 @@ def basis_of(recomputation):
 
     def watch(frame, event, _):
         caller = frame.f_back
-        while caller is not None and _module(caller) == "shipnet.arguments":
-            caller = caller.f_back
         if event == "call" and caller is not None and _module(caller).startswith("shipnet.papers."):
             if _is_model(frame):
                 models.append(frame.f_code.co_name)

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from shipnet import modbus
 from shipnet.errors import ArgumentError
 from shipnet.papers.chung1998 import ring_trials
 from shipnet.remote_control import (
@@ -13,6 +14,7 @@ from shipnet.remote_control import (
     MarkerFormat,
     Supervision,
     System,
+    read_capture,
     simulate,
 )
 from shipnet.remote_control.faults import DeadStation, LostPacket, Stall
@@ -329,3 +331,19 @@ def test_the_margins_are_drawn_below_their_limit(ax):
 def test_arguments_out_of_range_are_named(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda rate: System(bit_rate=rate),
+        lambda rate: modbus.SerialLine(rate),
+        lambda rate: modbus.scan(2, registers=4, bit_rate=rate),
+        lambda rate: modbus.interfaces(2, 60, rate),
+        lambda rate: read_capture("bus.csv", rate),
+    ],
+)
+def test_a_bit_rate_in_kbit_per_second_is_refused(make):
+    for rate in (9.6, 19.2, 115.2):
+        with pytest.raises(ArgumentError, match=rf"bit_rate is {rate:g} bit/s; it must be 300\.\."):
+            make(rate)

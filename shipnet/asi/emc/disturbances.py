@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets, style
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, number, record, whole
@@ -98,7 +97,6 @@ def _passed(since: Floats) -> Floats:
 # Disturbances ----------------------------------------------------------------------------------
 
 
-@checked
 @record
 class Noise:
     r"""White noise; its amplitude is the standard deviation of samples 250 ns apart.
@@ -128,7 +126,6 @@ class Noise:
         return amplitude * rng.standard_normal((size, t.size))
 
 
-@checked
 @record
 class Impulses:
     r"""Impulses on every telegram: raised cosines of random position, sign, height and width.

@@ -10,7 +10,6 @@ from dataclasses import asdict
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.asi.emc.disturbances import PACKET_LENGTH, PACKET_PERIOD
 from shipnet.asi.modulation import CLASSES, HALF_BIT, Pulses
@@ -178,7 +177,6 @@ def _missed(
     return np.asarray(missed)
 
 
-@checked
 def count_errors(
     wave: Waveform,
     disturbance: Disturbance,
@@ -234,7 +232,6 @@ def count_errors(
     return pd.DataFrame(rows)
 
 
-@checked
 def error_rate(
     wave: Waveform, noise_density: npt.ArrayLike, *, receiver: Receiver | None = None
 ) -> Floats:
@@ -314,7 +311,6 @@ TRIES, CYCLES = 2, 3
 _EXTRA = 2
 
 
-@checked
 def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.DataFrame:
     r"""Return how exchanges that fail independently of each other affect a network.
 
@@ -361,7 +357,6 @@ def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.Dat
     )
 
 
-@checked
 def burst_failures(
     inside: float, rng: RNGLike | None = None, packets: int = 1000, *, slaves: int = 31
 ) -> pd.DataFrame:

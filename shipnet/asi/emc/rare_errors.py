@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, lru_cache
 from hashlib import sha256
-from os import PathLike
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +20,6 @@ import numpy.typing as npt
 from scipy import special
 from scipy.optimize import nnls
 
-from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.asi.emc.error_rates import checked_densities, decided_on
 from shipnet.asi.modulation import HALF_BIT
@@ -29,7 +27,7 @@ from shipnet.asi.receiver import Receiver, Reception, Waveform, receive
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_kind, check_whole
 from shipnet.lazy import pd
-from shipnet.parallel import Progress, compute
+from shipnet.parallel import Progress, Workers, spread
 
 #: Fraction of the noise that is drawn without a shift; it limits the weight of a loss.
 _PLAIN = 0.1
@@ -215,10 +213,10 @@ def _proposal(case: _Case) -> _Proposal:
     return found
 
 
-def _sample(task: tuple[_Case, int], rng: np.random.Generator) -> dict[str, float]:
+def _sample(task: tuple[_Case, int, np.random.SeedSequence]) -> dict[str, float]:
     """Draw some telegrams of a case, and return the sums of their weights."""
-    case, n = task
-    return _draw(case, _proposal(case), n, rng)
+    case, n, seed = task
+    return _draw(case, _proposal(case), n, np.random.default_rng(seed))
 
 
 def _draw(
@@ -284,7 +282,6 @@ def _summary(parts: list[dict[str, float]]) -> dict[str, float | bool]:
     }
 
 
-@checked
 def rare_error_rates(
     waves: Waveform | Mapping[str, Waveform],
     noise_density: npt.ArrayLike,
@@ -292,8 +289,7 @@ def rare_error_rates(
     *,
     receiver: Receiver | None = None,
     seed: int = 2024,
-    client: Any = None,
-    folder: str | PathLike[str] | None = None,
+    workers: Workers = 1,
     progress: bool | Progress | None = None,
 ) -> pd.DataFrame:
     """Estimate the rate of telegrams lost to white noise, down to 1e-9, by importance sampling.
@@ -312,8 +308,8 @@ def rare_error_rates(
         The receiver.
     seed : int, default 2024
         Seed of the random numbers, 0..2^63 - 1.
-    client, folder, progress
-        As in `shipnet.compute`.
+    workers, progress
+        As in `shipnet.ballast.write_fleet`; the rates do not depend on them.
 
     Returns
     -------
@@ -364,6 +360,8 @@ def rare_error_rates(
             rows.append({"wave": name, "noise_density": density})
             parts += [(case, size) for size in sizes]
     _points_of(replace(parts[0][0], sigma=1.0))  # raise errors before workers start
-    found = compute(_sample, parts, seed=seed, client=client, folder=folder, progress=progress)
-    each = [found[begin : begin + len(sizes)] for begin in range(0, len(found), len(sizes))]
-    return pd.DataFrame([row | _summary(mine) for row, mine in zip(rows, each, strict=True)])
+    seeds = np.random.SeedSequence(seed).spawn(len(parts))
+    tasks = [(*part, child) for part, child in zip(parts, seeds, strict=True)]
+    sums = spread(_sample, tasks, workers, progress)
+    each = [sums[begin : begin + len(sizes)] for begin in range(0, len(sums), len(sizes))]
+    return pd.DataFrame([row | _summary(part) for row, part in zip(rows, each, strict=True)])
