@@ -231,12 +231,10 @@ class Comparison:
             rank, doubts = "cheapest", [f"cheapest with {percent} probability"]
         rules = self._checked[best].table()
         not_verified = rules[rules["verdict"] == "not verified"]
-        if unread := int((not_verified["confirmed"] == "no").sum()):
-            doubts.append(
-                f"{len(not_verified)} of {len(rules)} rules not verified, {unread} unread"
-            )
-        elif len(not_verified):
-            doubts.append(f"{len(not_verified)} of {len(rules)} rules not verified")
+        unread = int((not_verified["confirmed"] == "no").sum())
+        if count := len(not_verified):
+            more = f", {unread} unread" if unread else ""
+            doubts.append(f"{count} of {len(rules)} rules not verified{more}")
         doubt = f" ({'; '.join(doubts)})" if doubts else ""
         which = f"the {rank} design that connects every point and violates no rule{doubt}"
         yield f"{best}, {number(costs[best])} EUR, is {which}"

@@ -120,7 +120,7 @@ def plot_ranges(
 ) -> Axes:
     """Draw one bar per row of `ends`: nominal value, range, and central 90 % of the draws."""
     ax, rows = style.axes(ax), np.arange(len(ends))
-    # A row without a value has a bar of length 0, so that it is inside the axes.
+    # A bar of length 0 keeps a row without a value inside the axes.
     ax.barh(rows, ends["nominal"].fillna(0), height=0.6, color="C5", label="nominal")
     ax.hlines(
         rows, ends["low"], ends["high"], color="0.25", linewidth=1.2, label="all low to all high"
