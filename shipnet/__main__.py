@@ -231,7 +231,11 @@ def _design(arguments: argparse.Namespace) -> Answer | None:
         _print(settings.text(), end="")
         return None
     found = compared(arguments, settings)
-    costs = {} if found.best is None else {"total_cost": found.best.quantities()["total_cost_eur"]}
+    best = {}
+    if found.best is not None:
+        cost = found.best.quantities()["total_cost_eur"]
+        chance = found.chances[found.best.name]
+        best = {"total_cost": (cost, "EUR"), "probability_cheapest": (chance, "")}
     return Answer(
         ok=found.ok,
         verdict=found.verdict,
@@ -239,7 +243,7 @@ def _design(arguments: argparse.Namespace) -> Answer | None:
         numbers={
             "designs": (len(found.designs), ""),
             "designs_meeting_every_rule": (len(found.meeting), ""),
-            **{name: (value, "EUR") for name, value in costs.items()},
+            **best,
         },
         tables={
             "comparison": found.table().reset_index(),

@@ -72,7 +72,8 @@ class Sheet:
 
     Rows are numbered from 1, as in a spreadsheet: `top` is the row of titles, `above` the filled
     rows before it, `hidden` and `struck` those hidden or struck out. `odd` describes a cell that is
-    neither text nor a plain number, by (row, column from 0). In a workbook, `separator` is ``""``.
+    neither text nor a plain number, by (row, column from 0). In a workbook, `separator` is ``""``,
+    and `unread` names the other sheets.
     """
 
     source: str
@@ -86,6 +87,15 @@ class Sheet:
     hidden: frozenset[int] = frozenset()
     struck: frozenset[int] = frozenset()
     above: tuple[int, ...] = ()
+    unread: tuple[str, ...] = ()
+
+    def also_read(self, sheets: Iterable[str]) -> Sheet:
+        """Return the sheet with a remark on the sheets that were read, and those that were not."""
+        read = list(dict.fromkeys([self.sheet, *sheets]))
+        unread = tuple(name for name in self.unread if name not in read)
+        remark = f"read: sheet{'s' * (len(read) > 1)} {', '.join(read)}"
+        remark += f"; not read: {', '.join(unread)}" if unread else ""
+        return replace(self, unread=unread, remarks=(Remark(remark, detail=not unread),))
 
 
 def titled(
@@ -288,10 +298,9 @@ def _workbook(
                   for title in (shown if name is None else [name])}  # fmt: skip
         chosen = max(worths, key=lambda title: worths[title][0], default="")
         if chosen and worths[chosen][0]:
-            rest = [title for title in book.sheets if title != chosen]
-            said = f"read: sheet {chosen}" + (f"; not read: {', '.join(rest)}" if rest else "")
             found = _table(source, book, chosen, worths[chosen][1])
-            return replace(found, remarks=(Remark(said, detail=not (rest and name is None)),))
+            rest = [title for title in book.sheets if title != chosen and name is None]
+            return replace(found, unread=tuple(rest)).also_read([])
     where = f"the sheets {', '.join(shown)}" if name is None else f"the sheet {name}"
     more = (f"; hidden sheets, which are read only if named: {', '.join(book.hidden)}"
             if name is None and book.hidden else "")  # fmt: skip

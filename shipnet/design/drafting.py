@@ -330,6 +330,10 @@ class Draft:
             column[row] = value
         self._response[row] = response
 
+    def segments(self, bus: str) -> int:
+        """Return the number of segments of a bus so far."""
+        return sum(row["bus"] == bus for row in self._rows["segments"])
+
     def segment(self, rows: Indices, **columns: Any) -> None:
         """Add a segment, with the response and update time of the point nearest to its limit."""
         nearest = rows[(self._response[rows] / self.need[rows]).argmax()]
@@ -525,13 +529,17 @@ def lay(
     stations: Sequence[Box],
     trunk: Backbone,
     cable: str,
-    repeaters: Sequence[int] = (),
+    repeaters: Sequence[int],
+    doubled: bool,
 ) -> list[str]:
-    """Add the devices, trunks and feeders of a segment, and return the names of the stations."""
+    """Add the devices, trunks and feeders of a segment, and return the names of the stations.
+
+    If `doubled`, there are two lines, each with a trunk, a master and a supply of its own.
+    """
     names = [draft.device(f"{bus} {box.name}", "station", segment, box.place) for box in stations]
     places = [draft.middle, *(box.place for box in stations)]
     hops, feeder = list(pairwise(places)), cables()[draft.settings.feeder]
-    for line in ("A", "B") if draft.settings.redundant else ("",):
+    for line in ("A", "B") if doubled else ("",):
         of = f" {line}" if line else ""
         master = draft.device(f"{segment} master{of}", "master", segment, places[0], draft.cabinet)
         # If a station has a repeater, the trunk cable to the next station starts at the repeater.

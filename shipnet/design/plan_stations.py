@@ -101,7 +101,7 @@ class _Segment(NamedTuple):
     bus_time: float
 
 
-def plan_can(draft: Draft, rows: Indices) -> None:
+def plan_can(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
     """Connect points to stations in their boxes, on as few CAN segments as the limits allow."""
     limits = draft.settings.can
     slowest = min(limits.bit_rates)
@@ -124,10 +124,11 @@ def plan_can(draft: Draft, rows: Indices) -> None:
 
     stations = _served(draft, rows, longest, most, alone)
     segments = divided(stations, lambda box: box.place, judge, lambda box: box.halved(draft.need))
-    for number, (group, segment) in enumerate(segments, 1):
+    for number, (group, segment) in enumerate(segments, 1 + draft.segments("CAN")):
         assert segment is not None
         name, order = f"CAN {number}", segment.trunk.order
-        names = lay(draft, name, "CAN", [group[at] for at in order], segment.trunk, limits.cable)
+        ordered = [group[at] for at in order]
+        names = lay(draft, name, "CAN", ordered, segment.trunk, limits.cable, (), doubled)
         device = dict(zip(order, names, strict=True))
         for identifier, (message, station, late) in enumerate(segment.messages, 1):
             for row, bit in zip(message.rows, message.bits, strict=True):
@@ -144,7 +145,7 @@ def plan_can(draft: Draft, rows: Indices) -> None:
             capacity_used=max(segment.bus_time, (len(group) + 1) / limits.nodes),
             bit_rate=segment.bit_rate, messages=len(segment.messages),
             # Every message is sent on both lines, so no change-over is needed.
-            switch_over_ms=0.0 if draft.settings.redundant else np.nan,
+            switch_over_ms=0.0 if doubled else np.nan,
         )  # fmt: skip
 
 
@@ -214,7 +215,7 @@ class _Loop(NamedTuple):
     registers: list[Registers]
 
 
-def plan_modbus(draft: Draft, rows: Indices) -> None:
+def plan_modbus(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
     """Connect points to stations in their boxes, on as few Modbus loops as the limits allow."""
     limits = draft.settings.modbus
 
@@ -237,11 +238,13 @@ def plan_modbus(draft: Draft, rows: Indices) -> None:
         return _loop(draft, group) if len(group) <= most else (None, len(group) / most)
 
     loops = divided(stations, lambda box: box.place, judge, lambda box: box.halved(draft.need))
-    for number, (group, loop) in enumerate(loops, 1):
+    for number, (group, loop) in enumerate(loops, 1 + draft.segments("Modbus RTU")):
         assert loop is not None
         name, order = f"Modbus {number}", loop.trunk.order
         ordered = [group[place] for place in order]
-        names = lay(draft, name, "Modbus", ordered, loop.trunk, limits.cable, loop.repeaters)
+        names = lay(
+            draft, name, "Modbus", ordered, loop.trunk, limits.cable, loop.repeaters, doubled
+        )
         for unit, (place, device) in enumerate(zip(order, names, strict=True), 1):
             box, addresses = group[place], loop.registers[place].addresses
             response = loop.scan + loop.longest[place]
@@ -256,7 +259,7 @@ def plan_modbus(draft: Draft, rows: Indices) -> None:
             capacity_used=max(loop.scan / draft.need[everything].min(), len(group) / most),
             bit_rate=loop.bit_rate,
             scan_ms=1e3 * loop.scan, repeaters=len(loop.repeaters),
-            switch_over_ms=1e3 * loop.switch_over if draft.settings.redundant else np.nan,
+            switch_over_ms=1e3 * loop.switch_over if doubled else np.nan,
         )  # fmt: skip
 
 

@@ -644,7 +644,9 @@ class PointTable:
         first = [*found.titles, *(found.rows[0][1] if found.rows else ())]
         placed = any((column := column_of(cell)) and column.name in PLACED for cell in first)
         if placed and not (reading.frames or reading.decks):
-            reading = reading.with_sheets(read_sheets(path, is_place_titles))
+            places = read_sheets(path, is_place_titles)
+            reading = reading.with_sheets(places)
+            found = found.also_read([one.sheet for one in places]) if places else found
         return cls._of(found, reading, strict)
 
     @classmethod

@@ -254,7 +254,7 @@ def mangled(design, rng):
 def test_failures_computed_together_give_the_same_losses_as_alone(option, seed):
     """Failures of several areas are computed together."""
     rng = np.random.default_rng(seed)
-    limits = Settings({"redundant": bool(rng.integers(2)), "fed": bool(rng.integers(4))})
+    limits = Settings({"fed": bool(rng.integers(4))})
     site = Site((26.0, 6.0, 14.0))
     reach = Reach(mangled(plan(ship(60, seed), site, option, settings=limits), rng))
     failures = [((run,), ()) for run in range(len(reach.design.cables))]
@@ -302,10 +302,10 @@ def test_a_short_of_a_feeder_costs_all_stations_on_the_same_supply():
     iolist = IoList.parse(
         "tag,signal,x,y,z\n" + "\n".join(f"P-{n},contact,{20 * n},0,0" for n in range(1, 5))
     )
-    for redundant, costs in ((False, 4), (True, 0)):
-        design = plan(iolist, Site((0, 0, 0)), "CAN", settings=Settings({"redundant": redundant}))
+    for lines, (option, costs) in enumerate((("CAN", 4), ("CAN doubled", 0)), 1):
+        design = plan(iolist, Site((0, 0, 0)), option)
         shorts = single_failures(design).query("failure == 'short' and kind == 'feeder'")
-        assert shorts["points_lost"].tolist() == [costs] * (1 + redundant)
+        assert shorts["points_lost"].tolist() == [costs] * lines
         cuts = single_failures(design).query("failure == 'cut' and kind == 'feeder'")
         assert cuts["points_lost"].max() == costs
 

@@ -272,7 +272,9 @@ def test_frames_and_decks_may_come_from_sheets_of_the_workbook(tmp_path):
     frames = [["Frame table"], ["Frame", "x [mm]"], [0, 0], [30, 18000], [180, 138000]]
     decks = ("Decks", [["Deck", "z [m]"], ["DK3", 8.0]])
     messy.as_workbook(rows, path, places=[("Frames", frames), decks])
-    assert read_iolist(path).places.tolist() == [[pytest.approx(21.4), 4.2, 8.0]]
+    iolist = read_iolist(path)
+    assert iolist.places.tolist() == [[pytest.approx(21.4), 4.2, 8.0]]
+    assert "read: sheets IO list rev C, Frames, Decks; not read: Cover" in iolist.remarks
     messy.as_workbook(rows, path, places=[("Frames", [*frames, [200, "x"]]), decks])
     with pytest.raises(InputError, match=r"sheet Frames: row 6: '200' at 'x'; expected a frame"):
         read_iolist(path)
