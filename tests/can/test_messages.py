@@ -195,20 +195,20 @@ def test_all_faults_of_a_file_are_named_at_once(tmp_path):
         [
             "row 7 has 10 cells; expected 8",
             "row 2, arbitration_id is 2048; it must be a whole number 0..2047",
-            "row 3, column dlc: '9'; expected a whole number 0..8",
-            "row 3, column period_ms: '0'; expected a number 0.001..1e+08 ms",
-            "row 3, column jitter_ms: '-1'; expected a number 0..1e+08 ms",
-            "row 3, column extended: 'maybe'; expected yes or no",
-            "row 3, column bits: '12'; expected a whole number 47..160",
-            "row 4, column name is empty; it is required",
-            "row 4, column period_ms: 'nan'; expected a number 0.001..1e+08 ms",
-            "row 4, column deadline_ms: '0'; expected a number 0.001..1e+08 ms",
+            "row 3, column dlc (C): '9'; expected a whole number 0..8",
+            "row 3, column period_ms (D): '0'; expected a number 0.001..1e+08 ms",
+            "row 3, column jitter_ms (F): '-1'; expected a number 0..1e+08 ms",
+            "row 3, column extended (G): 'maybe'; expected yes or no",
+            "row 3, column bits (H): '12'; expected a whole number 47..160",
+            "row 4, column name (A): is empty; expected a value",
+            "row 4, column period_ms (D): 'nan'; expected a number 0.001..1e+08 ms",
+            "row 4, column deadline_ms (E): '0'; expected a number 0.001..1e+08 ms",
             "row 6: name 'C' is taken",
             "row 6: arbitration_id 0x4 of 'C' is taken by 'C'",
-            "row 8, column arbitration_id: '5.5'; expected an identifier 0..0x7FF, or 0x1FFFFFFF "
+            "row 8, column arbitration_id (B): '5.5'; expected an identifier 0..0x7FF, or 0x1FFFFFFF "
             "if extended",
-            "row 8, column period_ms: 'inf'; expected a number 0.001..1e+08 ms",
-            "row 8, column deadline_ms: '1e999'; expected a number 0.001..1e+08 ms",
+            "row 8, column period_ms (D): 'inf'; expected a number 0.001..1e+08 ms",
+            "row 8, column deadline_ms (E): '1e999'; expected a number 0.001..1e+08 ms",
         ]
     )
 
@@ -227,13 +227,13 @@ def test_an_identifier_may_have_leading_zeros():
         ("\n;;\n", "is empty"),
         ("name,arbitration_id,dlc,period_ms\n", "has no message"),
         (
-            "name,dlc,Cycle\nA,8,1\n",
-            "column 3: title 'cycle' has no unit; write period_",
+            "name,id,dlc,Cycle\nA,1,8,1\n",
+            "row 1: title 'Cycle' has no unit; write period_ms or period [ms], for example",
         ),
-        ("name,dlc,every\nA,8,1\n", "column 3: title 'every' is unknown; expected one of name"),
+        ("name,dlc,every\nA,8,1\n", "unknown titles: every; columns= or --column TITLE=NAME may"),
         ("name,dlc,period\nA,8,1\n", "no column arbitration_id"),
-        ("id,can-id,name,dlc,period_ms\n", "title 'arbitration_id' appears twice"),
-        ("name,name,arbitration_id,dlc,period_ms\n", "title 'name' appears twice"),
+        ("id,can-id,name,dlc,period_ms\n", "row 1: 'id' and 'can-id' both mean arbitration_id"),
+        ("name,name,arbitration_id,dlc,period_ms\n", "row 1: 'name' and 'name' both mean name"),
         (b"name\0", "is not text"),
         ("name,dlc\n" + 200_000 * "a" + ",1\n", "is not a CSV file: field larger"),
     ],
@@ -353,9 +353,9 @@ def test_titles_can_be_named_and_a_period_given(tmp_path):
     columns = {"Number": "arbitration_id", "Every": "period_ms"}
     found = read_messages(file, columns=columns, period=0.5)
     assert found.periods.tolist() == [0.02, 0.5]
-    with pytest.raises(InputError, match="row 3, column period_ms is empty"):
+    with pytest.raises(InputError, match=r"row 3, column Every \(D\): is empty"):
         read_messages(file, columns=columns)
-    with pytest.raises(InputError, match="no column 'cycle'; the titles are name, number"):
+    with pytest.raises(InputError, match="no column 'cycle'; the titles are Name, Number"):
         read_messages(file, columns={"cycle": "period_ms"})
 
 

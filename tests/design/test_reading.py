@@ -13,7 +13,7 @@ from shipnet.__main__ import main
 from shipnet.design import IoList, Settings, read_iolist
 from shipnet.design.costs import bill_table
 from shipnet.design.layout import site_of
-from shipnet.design.words import UNITS, decimal_mark, read_number
+from shipnet.lists import decimal_mark, read_number
 from shipnet.errors import InputError
 from tests.design import messy
 
@@ -210,7 +210,7 @@ def test_a_mark_of_intrinsic_safety_is_kept_beside_the_signal():
         ("\uff12\uff14\uff0e\uff18", "", 24.8), ("1,234.5", "", 1234.5),
         ("1.234,5", "", 1234.5), ("1 234,5", ",", 1234.5), ("1,234", ".", 1234),
         ("1,234", ",", 1.234),
-        ("1,234", "", None), ("1.234", "", 1.234), ("1.234", ",", 1234), ("1,234,567", "", 1234567),
+        ("1,234", "", None), ("1.234", "", None), ("0.234", "", 0.234), ("1.234", ",", 1234), ("1,234,567", "", 1234567),
         ("-.5", "", -0.5), ("\u22123", "", -3), ("+3.", "", 3), ("1e2", "", 100),
         ("1'234.5", "", 1234.5),
         ("12,5 ft", "", None), ("1,5,0", "", None), ("1.5.0", "", None), ("1,23,456", "", None),
@@ -219,7 +219,7 @@ def test_a_mark_of_intrinsic_safety_is_kept_beside_the_signal():
     ],
 )  # fmt: skip
 def test_a_number_is_read_correctly_or_not_at_all(cell, mark, value):
-    assert read_number(cell, mark, 1.0, UNITS["length"]) == pytest.approx(value)
+    assert read_number(cell, mark, "m", "m") == pytest.approx(value)
 
 
 @pytest.mark.parametrize(
@@ -233,7 +233,7 @@ def test_the_decimal_mark_of_a_list_follows_from_its_clear_numbers(cells, mark):
 
 @given(st.text("0123456789.,' +-em\uff10\uff0e", max_size=9), st.sampled_from(["", ".", ","]))
 def test_any_cell_is_a_finite_number_or_none(cell, mark):
-    value = read_number(cell, mark, 1.0, UNITS["length"])
+    value = read_number(cell, mark, "m", "m")
     assert value is None or not np.isnan(value)
 
 
