@@ -251,20 +251,24 @@ _REPEATED, _TEXT = "repeated titles", "a subtitle, page header, page footer or n
 class Cells:
     """The columns of a list (one cell per entry), and the remarks and faults found in it.
 
-    A kind of list is a subclass, which states its words, the noun for its entries, the column that
-    names an entry, and the columns that may have a cell only in the first row of each group.
+    A kind of list is a subclass, which states its words, the noun for its entries and the column
+    that names an entry. The columns `grouped` may have a cell only in the first row of each group.
     """
 
     words: ClassVar[Words]
     noun: ClassVar[str]
     key: ClassVar[str]
     titled_by: ClassVar[frozenset[str]]  #: A row with two titles, one of these, is a row of titles.
-    grouped: ClassVar[tuple[str, ...]] = ()
     literal: ClassVar[tuple[str, ...]] = ()  #: Columns in which ``do.`` is not a ditto mark.
     needs_unit: ClassVar[frozenset[str]] = frozenset()  #: Quantities without a usual unit.
-    has_spares: ClassVar[bool] = False  #: Whether rows marked as spare, or named by a dash, are void.
+    has_spares: ClassVar[bool] = False  #: Whether rows marked spare or named by a dash are void.
 
-    def __init__(self, sheet: Sheet, own: tuple[tuple[str, str], ...] = ()) -> None:
+    def __init__(
+        self,
+        sheet: Sheet,
+        own: tuple[tuple[str, str], ...] = (),
+        grouped: Sequence[str] = (),
+    ) -> None:
         self.sheet, self.own = sheet, own
         self.source = f"{sheet.source}, sheet {sheet.sheet}" if sheet.sheet else sheet.source
         self.remarks = list(sheet.remarks)
@@ -280,7 +284,7 @@ class Cells:
         self._columns = [list(c) for c in zip_longest(*(row for _, row in rows), fillvalue="")]
         self._check_width(rows)
         self._fill_dittos()
-        for name in self.grouped:
+        for name in grouped:
             self._fill_down(name)
         self._find_mark()
 
@@ -547,9 +551,9 @@ class Cells:
         places = self.places.get(name, [-1])
         return self.sheet.odd.get((self.rows[row], places[0]), "")
 
-    def check(self, strict: bool = False) -> None:
-        """Raise InputError with all faults, if any; with `strict`, doubtful rows are faults too."""
-        faults = [text for _, _, text in sorted(self._faults)]
+    def check(self, *more: str, strict: bool = False) -> None:
+        """Raise InputError with all faults and `more`; with `strict`, doubts are faults too."""
+        faults = [*(text for _, _, text in sorted(self._faults)), *more]
         if strict:
             faults += [f"row {n}: {one.what}" for one in self.remarks if one.doubt
                        for n in one.rows]  # fmt: skip
@@ -559,13 +563,23 @@ class Cells:
     @property
     def faulty(self) -> frozenset[int]:
         """The indices of the entries that have a fault."""
-        return frozenset(row for row, _, _ in self._faults)
+        return frozenset(row for row, _, _ in self._faults if row >= 0)
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """The remarks that are not details, as text."""
+        return tuple(str(remark) for remark in self.remarks if not remark.detail)
 
     def values(self, name: str, read: Callable[[str], Any], expected: str) -> list[Any]:
-        """Return what `read` makes of each cell, None where empty; its None becomes a fault."""
+        """Return what `read` makes of each cell, None where empty; its ValueError is a fault."""
         cells = self[name]
-        known = {cell: read(cell) for cell in set(cells) if cell}
-        illegal = {cell for cell, value in known.items() if value is None}
+        known: dict[str, Any] = {}
+        illegal = set()
+        for cell in {*cells} - {""}:
+            try:
+                known[cell] = read(cell)
+            except (ValueError, KeyError):
+                illegal.add(cell)
         self.wrong([row for row, cell in enumerate(cells) if cell in illegal], name, expected)
         return [known.get(cell) for cell in cells]
 

@@ -346,7 +346,7 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
     filled = _fill_down(rows, odd, [area for area in layout.merged if area[0] > top])
     return Sheet(
         source, top, _trim(titles), rows, "", odd, sheet=title,
-        hidden=layout.hidden.intersection(number for number, _ in rows),
+        hidden=frozenset(layout.hidden).intersection(number for number, _ in rows),
         struck=frozenset(book.struck), typed=frozenset(book.typed), merged=frozenset(filled),
         above=above,
     )  # fmt: skip

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -98,6 +98,8 @@ class Plan:
         Repeaters, each between two segments.
     terminators : iterable of Terminator, optional
         Terminators or extension plugs.
+    remarks : sequence of str, optional
+        Remarks on rows and columns of the file that were not used, filled in or assumed.
 
     Raises
     ------
@@ -131,6 +133,7 @@ class Plan:
     slaves: Sequence[Slave] = ()
     repeaters: Sequence[Repeater] = ()
     terminators: Sequence[Terminator] = ()
+    remarks: Sequence[str] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         for name in _KINDS:
@@ -151,7 +154,7 @@ class Plan:
         return ", ".join(f"{n} {name}{'s' if n != 1 else ''}" for name, n in counts)
 
     def __repr__(self) -> str:
-        return f"<Plan: {self}>"
+        return f"<Plan: {'; '.join([str(self), *self.remarks])}>"
 
     # Structure ---------------------------------------------------------------------------------
 
@@ -522,7 +525,8 @@ def read_plan(path: str | PathLike[str]) -> Plan:
     >>> len(plan.slaves), [f"{segment.length:.0f} m" for segment in plan.segments]
     (62, ['100 m', '100 m', '100 m'])
     """
-    return plan_of(read_elements(path))
+    elements, remarks = read_elements(path)
+    return replace(plan_of(elements), remarks=remarks)
 
 
 # Several plans --------------------------------------------------------------------------------

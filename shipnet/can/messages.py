@@ -601,16 +601,14 @@ def _from_sheet(sheet: Sheet, own: Mapping[str, str], period: float | None) -> M
             legal = "an identifier 0..0x7FF, or 0x1FFFFFFF if extended"
             columns[field] = cells.values(column, lambda cell: _identifier(cell, is_hex), legal)
         elif isinstance(kind, Switch):
-            columns[field] = cells.values(column, lambda cell: _YES.get(plain(cell)), "yes or no")
+            columns[field] = cells.values(column, lambda cell: _YES[plain(cell)], "yes or no")
         elif isinstance(kind, Number | Whole):
             whole, target = isinstance(kind, Whole), "s" if field in TIMES else ""
             values = cells.numbers(column, kind.low, kind.high, target, whole=whole).tolist()
             convert = int if whole else float
             columns[field] = [None if value != value else convert(value) for value in values]
         else:
-            columns[field] = cells.values(
-                column, lambda cell: cell if cell.isprintable() else None, "printable text"
-            )
+            columns[field] = cells.values(column, _printable, "printable text")
     messages: list[tuple[int, Message]] = []
     for row, values in enumerate(zip(*columns.values(), strict=True)):
         if row in cells.faulty:
@@ -627,21 +625,24 @@ def _from_sheet(sheet: Sheet, own: Mapping[str, str], period: float | None) -> M
     for place, why in set_faults(message for _, message in messages):
         cells.fault(messages[place][0], "name", f": {why}")
     cells.check()
-    remarks = [str(remark) for remark in cells.remarks if not remark.detail]
-    return MessageSet((message for _, message in messages), remarks=remarks)
+    return MessageSet((message for _, message in messages), remarks=cells.shown)
 
 
-def _identifier(cell: str, is_hex: bool) -> tuple[int, bool] | None:
-    """Return an identifier and whether it has 29 bits, as its digits show, or None if illegal."""
+def _printable(cell: str) -> str:
+    if not cell.isprintable():
+        raise ValueError
+    return cell
+
+
+def _identifier(cell: str, is_hex: bool) -> tuple[int, bool]:
+    """Return an identifier, and whether its digits show that it has 29 bits."""
     digits = widened(cell).lower().removesuffix(".0")
     bare = digits.removesuffix("h").removeprefix("0x")
     base = 16 if is_hex or bare != digits else 10
-    try:
-        number = int(bare, base) if bare.isalnum() and bare.isascii() else -1
-    except ValueError:
-        return None
-    long = number > 0xFFFF or (base == 16 and len(bare) == 8)
-    return (number, long) if 0 <= number <= highest_id(True) else None
+    number = int(bare, base) if bare.isalnum() and bare.isascii() and len(bare) < 13 else -1
+    if not 0 <= number <= highest_id(True):
+        raise ValueError
+    return number, number > 0xFFFF or (base == 16 and len(bare) == 8)
 
 
 def _checked(

@@ -72,7 +72,6 @@ class Points(Cells):
 
     words, noun, key = words(), "point", "tag"
     titled_by = frozenset({"tag", "type", "signal"})
-    grouped = ("system", "box")
     has_spares = True
     literal = ("type", "signal")
     hint = "[columns] in the settings may define them"
@@ -81,9 +80,9 @@ class Points(Cells):
         self.reading = reading
         # Few rows differ in their type and signal, so each pair is looked up once.
         self._meant: dict[tuple[str, str], bool] = {}
-        if {*COLUMNS} - {"device", "ex"} <= {*sheet.titles} <= {*COLUMNS}:
-            self.grouped = ()  # the list was saved by `IoList.save`
-        super().__init__(sheet, reading.columns)
+        # A list that `IoList.save` wrote has no groups.
+        saved = {*COLUMNS} - {"device", "ex"} <= {*sheet.titles} <= {*COLUMNS}
+        super().__init__(sheet, reading.columns, () if saved else ("system", "box"))
 
     def arrange(self, rows: Sequence[tuple[int, list[str]]]) -> None:
         """Read the column of types as that of signals if it contains some, such as Pt100."""
@@ -315,7 +314,7 @@ def points_of(
     numbers = read_numbers(cells, texts["box"])
     if "system" in cells.places:
         cells.doubt("no system", ~cells.given("system"))
-    cells.check(strict)
+    cells.check(strict=strict)
     if safe := tuple(row for row, mark in zip(cells.rows, texts["ex"], strict=True) if mark):
         cells.remarks.append(Remark("intrinsically safe, each with a barrier", safe))
     if count := int(np.isnan(numbers["update_ms"]).sum()):
