@@ -92,6 +92,14 @@ class Points(Cells):
             others = (word for word in entries if plain(word) not in spellings("type"))
             if any(map(meanings, map(self.reading.signal, others))):
                 self.places["signal"] = self.places.pop("type")
+        sides = self.places.get("side", [])
+        far = [place for place in sides if _DISTANCE.search(self.titles[place])]
+        if len(sides) == 2 and len(far) == 1 and "y_m" not in self.places:
+            # One column has the side and the other the distance.
+            self.places["y_m"] = far
+            self.places["side"] = [place for place in sides if place not in far]
+            distance = self.column_of(self.titles[far[0]])
+            self.units["y_m"] = distance.unit if distance else ""
         if positions := [title for title in self.unused if _PLACE_WORD.search(title)]:
             self.unused = [title for title in self.unused if title not in positions]
             said = "; ".join(positions)
@@ -179,8 +187,8 @@ def _off_centre(cells: Points) -> Floats:
             bare[row] = abs(value) > 0 and not has_side(f"{text} {beside}")
     if first == "side" or _DISTANCE.search(cells.title(first)):
         signed = bool((y[bare] < 0).any())
-        which = "positive numbers" if signed else "numbers without a side or a sign"
-        cells.doubt(f"{cells.title(first)}: {which} are read as metres to port", bare)
+        end = "as metres to port, negative ones to starboard" if signed else "as metres to port"
+        cells.doubt(f"{cells.title(first)}: numbers without a side are read {end}", bare)
     return y
 
 
@@ -304,6 +312,7 @@ def points_of(
     texts["ex"] = _safety(cells)
     _check_tags(cells, texts["tag"])
     types = {word: found[0][0] for word, found in spellings("type").items()}
+    types |= {plain(word): find_signal(name) for word, name in cells.reading.signals}
     unsafe = cells.given("ex") & ~np.fromiter(map(bool, texts["ex"]), bool, len(cells.rows))
     signals = _signals(cells, _look_up(cells, "type", types, "DI, DO, AI or AO"), texts["ex"])
     disagree = unsafe & np.fromiter(map(bool, texts["ex"]), bool, len(cells.rows))
@@ -437,7 +446,12 @@ def _input_of(word: str) -> str:
 
 
 def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tuple[str, str]]]:
-    """Return a point's signal, given or inferred from its type, and its faults by column."""
+    """Return a point's signal, given or inferred from its type, and its faults by column.
+
+    A type such as SERIAL is a signal, and stands for the type of this signal.
+    """
+    named, kind = (kind, SIGNALS[kind].kind) if kind in SIGNALS else ("", kind)
+    word = word or named
     whole = re.fullmatch(r"([0-9]{1,4})([.,]0+)?", widened(count))
     conductors = int(whole[1]) if whole else None
     faults = []
@@ -455,7 +469,7 @@ def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tup
         alike = ", ".join(name for name, signal in SIGNALS.items() if signal.kind == kind)
         return "contact", [*faults, ("signal", f"is empty; expected one of {alike}")]
     own = SIGNALS[signal]
-    if kind and own.kind != kind:
+    if (kind and own.kind != kind) or (named and named != signal):
         faults.append(("type", f"{given!r}; expected {own.kind} for the signal {signal}"))
     if conductors and own.conductors != conductors:
         expected = f"expected {own.conductors} for the signal {signal}"

@@ -103,7 +103,8 @@ class Reading(NamedTuple):
         several = re.split(r"[;/]|,(?![0-9])", cells.get("location", ""))
         for part in filter(None, (one.strip().replace(",", ".") for one in several)):
             kind = "frame" if re.match(r"(?i)fr", part) else "deck"
-            if kind == "deck" and (off_centre(part) is not None or parts.get("deck")):
+            is_deck = not parts.get("deck") and self.above(part) is not None
+            if kind == "deck" and not is_deck and (off_centre(part) is not None or "deck" in parts):
                 kind = "side"
             parts[kind] = parts.get(kind) or part
         return parts
