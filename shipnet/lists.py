@@ -44,12 +44,23 @@ _OTHER = frozenset(
 )
 
 
-def shown(unit: str) -> str:
+def spelled(unit: str) -> str:
     """Return a unit as engineers write it."""
-    return {"ma": "mA", "a": "A", "mv": "mV", "v": "V", "ohm": "ohm"}.get(unit, unit)
+    return {"ma": "mA", "a": "A", "mv": "mV", "v": "V"}.get(unit, unit)
+
+
+def _legal(usual: str) -> str:
+    """Return the units that convert into the usual unit of a column, each power of ten once."""
+    units: dict[int, str] = {}
+    for unit, power in ALIKE[usual].items():
+        units.setdefault(power, spelled(unit))
+    return ", ".join(units.values())
 
 
 # Titles -----------------------------------------------------------------------------------------
+
+#: Longest text that may be a title [characters].
+_LONGEST = 200
 
 
 class Column(NamedTuple):
@@ -76,10 +87,12 @@ class Words:
 
         `own` has further pairs of a spelling and its column.
         """
-        spelled = {plain(word): column for word, column in own}
+        if len(title) > _LONGEST:
+            return None
+        known = {plain(word): column for word, column in own}
         bare, unit = _without_unit(title)
         for text in (title, bare):
-            if (word := spelled.get(plain(text))) and (named := self._column(word)):
+            if (word := known.get(plain(text))) and (named := self._column(word)):
                 usual = self.units.get(named.name, "")
                 ends = [last for last in _words(bare)[-1:] if last in ALIKE.get(usual, ())]
                 return Column(named.name, unit or "".join(ends) or named.unit)
@@ -261,6 +274,7 @@ class Cells:
     titled_by: ClassVar[frozenset[str]]  #: A row with two titles, one of these, is a row of titles.
     literal: ClassVar[tuple[str, ...]] = ()  #: Columns in which ``do.`` is not a ditto mark.
     needs_unit: ClassVar[frozenset[str]] = frozenset()  #: Quantities without a usual unit.
+    hint: ClassVar[str] = "rename them, or leave them out"  #: What to do about unknown titles.
     has_spares: ClassVar[bool] = False  #: Whether rows marked spare or named by a dash are void.
 
     def __init__(
@@ -275,6 +289,7 @@ class Cells:
         self.places: dict[str, list[int]] = {}
         self.units: dict[str, str] = {}
         self._faults: list[tuple[int, int, str]] = []
+        self._typed = set(sheet.typed)
         rows = self._read_titles()
         self._find_columns(rows)
         rows = self._entries(rows)
@@ -347,12 +362,12 @@ class Cells:
                 self.places.setdefault(column.name, []).append(place)
                 usual = self.words.units.get(column.name, "")
                 if usual and column.unit and column.unit not in ALIKE[usual]:
-                    legal = ", ".join(map(shown, ALIKE[usual]))
-                    faults.append(f"title {title!r} has the unit {column.unit!r}; expected {legal}")
+                    said = f"title {title!r} has the unit {column.unit!r}"
+                    faults.append(f"{said}; expected {_legal(usual)}")
                 elif usual:
                     self.units.setdefault(column.name, column.unit)
                     if column.unit and ALIKE[usual][column.unit] != ALIKE[usual][usual]:
-                        converted.append(f"{title} from {shown(column.unit)} to {shown(usual)}")
+                        converted.append(f"{title} from {spelled(column.unit)} to {spelled(usual)}")
             elif title:
                 unused.append(title)
             elif any(row[place] for _, row in rows if place < len(row)):
@@ -375,9 +390,6 @@ class Cells:
         if converted:
             self.remarks.append(Remark(f"converted: {'; '.join(converted)}", detail=True))
 
-    #: What to do about unknown titles.
-    hint: ClassVar[str] = "rename them, or leave them out"
-
     def arrange(self, rows: Sequence[tuple[int, list[str]]]) -> None:
         """Change the meaning of columns if the rows require it."""
 
@@ -391,22 +403,22 @@ class Cells:
         marked = set(filter(_MARKED.fullmatch, words)) if self.has_spares else set()
         suspect = marked.union(*heads)
         self._gone = set(filter(_GONE_NOTE.fullmatch, words))
+        self._dittos = set(filter(is_ditto, words))
         struck = {number for number, _ in self.sheet.struck}
+        text = f"not {'an' if self.noun[0] in 'aeiou' else 'a'} {self.noun}: {_TEXT}"
         for number, cells in rows:
             near = () if suspect.isdisjoint(cells) else heads
             why = self._no_entry(number, cells, near, not marked.isdisjoint(cells), struck)
             if why:
-                left.setdefault(why, []).append(number)
+                left.setdefault(text if why == _TEXT else why, []).append(number)
             else:
                 entries.append((number, cells))
         for why, numbers in left.items():
-            remark = f"left out, not a {self.noun}: {why}" if why == _TEXT else f"left out, {why}"
-            doubt = why not in (_REPEATED, _TEXT)
-            self.remarks.append(Remark(remark, tuple(numbers), doubt=doubt))
-        notes = self.places.get("note", [])
-        mentions = {word for word in words if _GONE_WORD.search(word)}
+            doubt = why not in (_REPEATED, text)
+            self.remarks.append(Remark(f"left out, {why}", tuple(numbers), doubt=doubt))
         gone = {number for number, cells in entries
-                for place in notes if place < len(cells) and cells[place] in mentions}  # fmt: skip
+                for place in self.places.get("note", ()) if place < len(cells)
+                and _GONE_WORD.search(cells[place])}  # fmt: skip
         for said, rows_of in (
             ("hidden, but read", self.sheet.hidden),
             ("read, although a cell is struck out", struck),
@@ -451,10 +463,8 @@ class Cells:
         is_odd = (number, key_place) in self.sheet.odd
         if self.has_spares and key and not (plain(key) or is_odd or is_ditto(key)):
             return f"with a dash as {self.key}"
-        ditto = any(
-            is_ditto(cells[places[0]])
-            for name, places in self.places.items()
-            if name != self.key and places[0] < len(cells)
+        ditto = not self._dittos.isdisjoint(cells) and any(
+            cell(name) in self._dittos for name in self.places if name != self.key
         )
         if ditto or self.is_entry(cell):
             return ""
@@ -479,12 +489,14 @@ class Cells:
                 continue
             for place in places:
                 cells = self.column(place)
-                marks = {cell for cell in set(cells) if is_ditto(cell)}
+                marks = self._dittos
                 if name in self.literal:
                     marks = {mark for mark in marks if plain(mark) != "do"}
                 rows = [row for row, cell in enumerate(cells) if cell in marks] if marks else []
                 for row in rows:
                     cells[row] = cells[row - 1] if row else ""
+                    if row and (self.rows[row - 1], place) in self._typed:
+                        self._typed.add((self.rows[row], place))
                 alone = [row for row in rows if not cells[row] and name != "note"]
                 self.wrong(alone, name, "a value; a ditto mark here has none above it")
                 if filled := tuple(self.rows[row] for row in rows if cells[row]):
@@ -597,10 +609,10 @@ class Cells:
 
     def typed(self, name: str) -> list[bool]:
         """Return for each cell of a column whether it is text, not a number of a workbook."""
-        if self.sheet.separator or not self.sheet.typed:
+        if self.sheet.separator or not self._typed:
             return [bool(self.sheet.separator)] * len(self.rows)
         place = self.places.get(name, [-1])[0]
-        return [(number, place) in self.sheet.typed for number in self.rows]
+        return [(number, place) in self._typed for number in self.rows]
 
     def read(self, cell: str, is_text: bool, unit: str, target: str) -> float | None:
         """Return the number in a cell in the unit `target`; `unit` is that of the column."""
@@ -626,9 +638,9 @@ class Cells:
             if len(bare) == np.count_nonzero(self.given(name)) and bare:
                 stem = name.rpartition("_")[0]
                 self._faults.append((-1, -1, f"row {self.sheet.top}: {said}; write {name} or "
-                                     f"{stem} [{shown(unit)}], for example"))  # fmt: skip
+                                     f"{stem} [{spelled(unit)}], for example"))  # fmt: skip
                 return np.full(len(cells), np.nan)
-            self.wrong(bare, name, f"a unit, such as {shown(unit)}")
+            self.wrong(bare, name, f"a unit, such as {spelled(unit)}")
         # A list has few distinct numbers, so each is read once.
         pairs = [*zip(cells, texts, strict=True)]
         values = {pair: self.read(*pair, unit, target) for pair in set(pairs)}
@@ -640,7 +652,7 @@ class Cells:
         scale = 10.0 ** (ALIKE[unit][unit] - ALIKE[unit][target])
         least = "above 0, up to " if positive else f"{low / scale:.7g}.."
         kind = "a whole number" if whole else "a number"
-        expected = f"{kind} {least}{high / scale:.7g}{'' if whole else ' ' + shown(unit)}"
+        expected = f"{kind} {least}{high / scale:.7g}{'' if whole else ' ' + spelled(unit)}"
         for row in np.flatnonzero(illegible | outside).tolist():
             either = {read_number(cells[row], mark, unit, target) for mark in ".,"}
             clear = illegible[row] and None not in either and len(either) == 2

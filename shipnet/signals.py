@@ -70,7 +70,9 @@ def plain(text: str) -> str:
 
 
 #: A supply voltage, which does not change the kind of a point.
-_SUPPLY = re.compile(r"(?<![-.~0-9])\b(?:24|48|110|115|120|220|230) ?V ?(?:[AD]C)?\b", re.IGNORECASE)
+_SUPPLY = re.compile(
+    r"(?<![-.~0-9])\b(?:24|48|110|115|120|220|230) ?V ?(?:[AD]C)?\b", re.IGNORECASE
+)
 
 
 def meanings(text: str) -> tuple[str, ...]:

@@ -343,7 +343,7 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
         elif any(cells):
             rows.append((number, cells))
             odd |= {(number, place): what for place, what in own.items()}
-    filled = _fill_down(rows, odd, [area for area in layout.merged if area[0] > top])
+    filled = _fill_down(rows, odd, book.typed, [area for area in layout.merged if area[0] > top])
     return Sheet(
         source, top, _trim(titles), rows, "", odd, sheet=title,
         hidden=frozenset(layout.hidden).intersection(number for number, _ in rows),
@@ -355,6 +355,7 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
 def _fill_down(
     rows: Sequence[tuple[int, list[str]]],
     odd: dict[tuple[int, int], str],
+    typed: set[tuple[int, int]],
     merged: Sequence[tuple[int, int, int]],
 ) -> set[int]:
     """Copy the content of merged cells to each of their rows; return the rows filled."""
@@ -371,6 +372,8 @@ def _fill_down(
                 filled.add(number)
             if (top, left) in odd:
                 odd[number, left] = odd[top, left]
+            if (top, left) in typed:
+                typed.add((number, left))
     return filled
 
 

@@ -62,7 +62,7 @@ _AXES = {"x_m": ("frame", "location"), "y_m": ("side", "location"), "z_m": ("dec
 #: Words in the title of a column that may be a position.
 _PLACE_WORD = re.compile(
     r"\b(?:x|y|z|pos\w*|coord\w*|loc\w*|dist\w*|offset|abstand|avstand|cl|centre|center|ap|fp|bl|"
-    r"frame|spant\w*|deck|dekk|height|elev\w*|level|h\xf6he|h\xf8yde)\b|위치|거리|좌표|높이",
+    r"frame|spant\w*|deck|dekk|height|elev\w*|h\xf6he|h\xf8yde)\b|위치|거리|좌표|높이",
     re.IGNORECASE,
 )
 
@@ -100,7 +100,8 @@ class Points(Cells):
             self.places["side"] = [place for place in sides if place not in far]
             distance = self.column_of(self.titles[far[0]])
             self.units["y_m"] = distance.unit if distance else ""
-        if positions := [title for title in self.unused if _PLACE_WORD.search(title)]:
+        positions = [title for title in self.unused if _PLACE_WORD.search(title)]
+        if positions and not {*_POSITION} <= self.places.keys():
             self.unused = [title for title in self.unused if title not in positions]
             said = "; ".join(positions)
             self.remarks.append(Remark(f"not used, but may be a position: {said}", doubt=True))
@@ -323,6 +324,9 @@ def points_of(
     numbers = read_numbers(cells, texts["box"])
     if "system" in cells.places:
         cells.doubt("no system", ~cells.given("system"))
+    if unboxed := [row for row, box in zip(cells.rows, texts["box"], strict=True) if not box]:
+        if len(unboxed) < len(cells.rows):
+            cells.remarks.append(Remark("no box", tuple(unboxed), detail=True))
     cells.check(strict=strict)
     if safe := tuple(row for row, mark in zip(cells.rows, texts["ex"], strict=True) if mark):
         cells.remarks.append(Remark("intrinsically safe, each with a barrier", safe))

@@ -209,10 +209,9 @@ def off_centre(
 
 
 def _is_column(word: str, value: object) -> str:
-    name = column_of(str(value))
-    if name is None:
+    if column_of(str(value)) is None:
         raise ArgumentError("no column")
-    return name.name
+    return str(value)
 
 
 def _is_metres(word: str, value: object) -> float:

@@ -163,8 +163,8 @@ def test_structure_and_cell_faults_are_reported_together_if_all_cables_are_legal
         ("kind,node\nmaster," + 200_000 * "a" + "\n", "is not a CSV file: field larger"),
         (
             "kind;node;to;length_m\ncable;a;b;1.500\ncable;b;c;7\n",
-            "row 2, column length_m (D): '1.500'; expected a number 0.01..10000 m; it may be 1.5 or "
-            "1500",
+            "row 2, column length_m (D): '1.500'; expected a number 0.01..10000 m; it may be 1.5 "
+            "or 1500",
         ),
     ],
 )
@@ -323,3 +323,43 @@ def test_a_star_is_written_and_read(tmp_path):
     assert read_plan(tmp_path / "star.csv") == plan
     text = (tmp_path / "star.csv").read_text()
     assert re.search(r"^slave,leg 62,,,,31B,S-0\.A\.F,65,,$", text, re.M)
+
+
+# Plans as yards write them.
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "HULL 1;;;;;;;;;\nAS-i line 1;;;;;;;;;\n" + SMALL.replace(",", ";"),
+        SMALL.replace("length_m", "length [m]").replace("current_ma", "current [mA]"),
+        SMALL.replace("length_m", "Length (mm)").replace("60.25", "60250"),
+        SMALL.replace("length_m", "length").replace("60.25", "60.25 m").replace("20", "0.02 A"),
+        SMALL.replace("cable,bridge", "FORE SHIP,,,,,,,,,\ncable,bridge"),
+        SMALL.replace("master,", '"CABLES",,,,,,,,,\nmaster,'),
+        SMALL.replace("\n", ",\n").replace("rating_a,", "rating [A],remark"),
+        SMALL.replace("voltage_v,rating_a", "voltage,rating"),
+        SMALL.replace("kind,node", "Element,Node").replace("cable,address", "cable type,address"),
+        SMALL + SMALL.splitlines()[0] + "\n",
+    ],
+)  # fmt: skip
+def test_a_plan_of_a_yard_is_read_like_a_plain_one(load, content):
+    assert load(content) == PLAN
+
+
+def test_what_is_left_out_of_a_plan_or_not_used_is_said(load):
+    plan = load(
+        SMALL.replace("rating_a", "rating_a,maker").replace("\ncable,", "\nFORE SHIP\ncable,")
+    )
+    assert plan.remarks == (
+        "not used: maker",
+        "left out, not an element: a subtitle, page header, page footer or note: 1 row (4)",
+    )
+    assert "not used: maker" in repr(plan)
+    assert PLAN.remarks == ()
+
+
+def test_a_unit_that_is_unknown_or_missing_is_refused(load):
+    ft, bare = SMALL.replace("length_m", "length [ft]"), SMALL.replace("current_ma", "current")
+    assert "has the unit 'ft'; expected m, mm, cm" in faults(load, ft)[0]
+    assert "title 'current' has no unit; write current_ma or current [mA]" in faults(load, bare)[0]

@@ -205,8 +205,8 @@ def test_all_faults_of_a_file_are_named_at_once(tmp_path):
             "row 4, column deadline_ms (E): '0'; expected a number 0.001..1e+08 ms",
             "row 6: name 'C' is taken",
             "row 6: arbitration_id 0x4 of 'C' is taken by 'C'",
-            "row 8, column arbitration_id (B): '5.5'; expected an identifier 0..0x7FF, or 0x1FFFFFFF "
-            "if extended",
+            "row 8, column arbitration_id (B): '5.5'; expected an identifier 0..0x7FF, or "
+            "0x1FFFFFFF if extended",
             "row 8, column period_ms (D): 'inf'; expected a number 0.001..1e+08 ms",
             "row 8, column deadline_ms (E): '1e999'; expected a number 0.001..1e+08 ms",
         ]
@@ -536,3 +536,92 @@ def test_an_unknown_way_of_counting_is_refused():
         bus_load(engine(), 125_000, "longest")
     with pytest.raises(ArgumentError, match="name is 'tanker'"):
         example("tanker")
+
+
+# Lists as yards write them.
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "HULL 1;;;;\nName;CAN-ID;Length (bytes);Cycle time;Format\nMain engine;;;;\n"
+        "oil;0x110;8;20 ms;Std\nrpm;0x18FEF100;4;1 s;Ext\n",
+        "Name;CAN-ID (hex);DLC;Cycle [ms];Frame format\noil;110;8 bytes;20,0;11 bit\n"
+        "rpm;18FEF100;4;1000;29 bit\n",
+        "Identification;;Data;\nName;CAN-ID;DLC;Cycle [s]\noil;110h;8;0,02\nrpm;18FEF100h;4;1\n",
+        "supplier,Name,CAN-ID,DLC,Cycle [ms]\nACME,oil,272,8,20\nACME,rpm,0x18FEF100,4,1e3\n",
+    ],
+)
+def test_a_list_of_a_yard_is_read_like_a_plain_one(tmp_path, text):
+    expected = MessageSet(
+        [Message("oil", 0x110, 8, 0.02), Message("rpm", 0x18FEF100, 4, 1.0, extended=True)]
+    )
+    assert load(tmp_path, text) == expected
+    separator = "," if text.startswith("supplier") else ";"
+    book = tmp_path / "set.xlsx"
+    lines = [line.split(separator) for line in text.splitlines()]
+    pd.DataFrame(lines).to_excel(book, index=False, header=False)
+    assert read_messages(book) == expected
+
+
+def test_what_is_left_out_of_a_list_or_not_used_is_said(tmp_path):
+    text = "Name;CAN-ID;DLC;Cycle;Maker\nMain engine;;;;\noil;1;8;20 ms;A\ngas;2;;1 s;\n"
+    found = load(tmp_path, text.replace("2;;1", "2;do.;1"))
+    assert found["gas"].dlc == 8
+    assert found.remarks == (
+        "not used: Maker",
+        "left out, not a message: a subtitle, page header, page footer or note: 1 row (2)",
+        "DLC: ditto marks filled from the row above: 1 row (4)",
+    )
+    assert "1 row (4)" in repr(found)
+    assert (
+        read_messages(tmp_path / "set.csv", columns={"Maker": "note"}).remarks[0].startswith("le")
+    )
+    assert MessageSet(found).remarks == example().remarks == ()
+
+
+@pytest.mark.parametrize(
+    ("title", "cell", "message"),
+    [
+        ("Cycle (h)", "1", "title 'Cycle (h)' has the unit 'h'; expected s, ms"),
+        ("Cycle (m)", "1", "title 'Cycle (m)' has the unit 'm'; expected s, ms"),
+        ("Cycle", "20", "title 'Cycle' has no unit; write period_ms or period [ms]"),
+        ("Cycle [ms]", "20 h", "'20 h'; expected a number 0.001..1e+08 ms"),
+        ("Cycle [ms]", "1.000", "'1.000'; expected a number 0.001..1e+08 ms; it may be 1 or 1000"),
+    ],
+)
+def test_a_time_without_a_clear_unit_or_number_is_refused(tmp_path, title, cell, message):
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, f"name;id;dlc;{title}\nA;1;8;{cell}\n")
+    assert any(message in fault for fault in caught.value.faults)
+
+
+def test_the_unit_in_a_title_that_is_mapped_counts(tmp_path):
+    file = tmp_path / "yard.csv"
+    file.write_text("Name;id;dlc;Takt (s);Rest [s]\noil;1;8;2;3\n")
+    for columns, expected in (
+        ({"Takt (s)": "period_ms"}, (2.0, 2.0)), ({"Takt (s)": "period_s"}, (2.0, 2.0)),
+        ({"Takt (s)": "period_ms", "Rest [s]": "deadline_ms"}, (2.0, 3.0)),
+    ):  # fmt: skip
+        message = read_messages(file, columns=columns)["oil"]
+        assert (message.period, message.deadline) == expected
+    with pytest.raises(ArgumentError, match="columns has 'perod'; it must be one of name"):
+        read_messages(file, columns={"Takt (s)": "perod"})
+
+
+TITLES = st.sampled_from(["name", "id", "dlc", "period_ms", "extended", "note", ""])
+CELLS = st.sampled_from(
+    ["A", "1", "0x10", "8", '"', "-", "1,5", "nan", "Ext", "", "9" * 5000, "0x" + "F" * 5000,
+     "=1+1", "12 ms"]
+)  # fmt: skip
+
+
+@given(st.lists(TITLES, max_size=8), st.lists(st.lists(CELLS, max_size=8), max_size=5))
+def test_any_table_gives_a_set_or_an_input_error(tmp_path_factory, titles, rows):
+    file = tmp_path_factory.getbasetemp() / "table.csv"
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        csv.writer(stream, delimiter=";").writerows([titles, *rows])
+    try:
+        assert len(read_messages(file)) >= 1
+    except InputError as error:
+        assert error.faults

@@ -93,8 +93,9 @@ def hamburg(points):
 
 def bremen(points):
     """German workbook: titles in two rows, most of them in the lower one; merged systems."""
-    rows = [["HULL 4711"], ["Tag", "System", "JB", "", "", "Position", "", "", "", ""],
-            ["", "", "", "Type", "Signal", "X [m]", "Y", "Z", "Cable length", "Scan [ms]"]]  # fmt: skip
+    upper = ["Tag", "System", "JB", "", "", "Position", "", "", "", ""]
+    lower = ["", "", "", "Type", "Signal", "X [m]", "Y", "Z", "Cable length", "Scan [ms]"]
+    rows = [["HULL 4711"], upper, lower]
     systems = [p["system"] for p in points.values()]
     merged, first = [], 0
     for number in range(1, len(systems) + 1):
@@ -117,9 +118,9 @@ def stavanger(points):
         rows.append([tag, p["system"], box, p["signal"], p["frame"], p["deck"], side,
                      p["home_run_m"], p["update_ms"] / 1000, ""])  # fmt: skip
     rows.append(["P901", "Anlegg X", "JB1", "contact", 5, "A", "CL", 3, 1, "slettet"])
-    places = [["Frames and decks"], ["Frame", "X from AP [mm]"],
-              *([frame, 1000 * x] for frame, x in FRAMES.items()), ["Frame spacing varies"], [],
-              ["Deck", "Height above BL [m]"], *([deck, z] for deck, z in DECKS.items())]  # fmt: skip
+    frames = [[frame, 1000 * x] for frame, x in FRAMES.items()]
+    places = [["Frames and decks"], ["Frame", "X from AP [mm]"], *frames, ["Spacing varies"], [],
+              ["Deck", "Height above BL [m]"], *map(list, DECKS.items())]  # fmt: skip
     return "xlsx", workbook(rows, ("Geometry", places)), "", 1
 
 
@@ -145,7 +146,9 @@ def ulsan(points):
 
 def repair(points):
     """Workbook of a repair yard: struck tags, notes that a point is gone, a dash as tag."""
-    rows = [["Item", "Tag", "System", "JB", "Signal", "X", "Y", "Z", "Cable length", "Scan", "Remark"]]
+    rows = [
+        ["Item", "Tag", "System", "JB", "Signal", "X", "Y", "Z", "Cable length", "Scan", "Remark"]
+    ]
     struck = []
     for number, (tag, p) in enumerate(points.items()):
         cells = [p["system"], p["box"], p["signal"], p["x_m"], p["y_m"], p["z_m"], p["home_run_m"],
@@ -169,8 +172,8 @@ def gdansk(points):
         kind = "SER" if p["signal"] == "serial" else KINDS[p["signal"]]
         signal = "" if p["signal"] == "serial" else p["signal"]
         side = "P" if p["y_m"] > 0 else "S" if p["y_m"] else "CL"
-        rows.append([tag, p["system"], p["box"], kind, signal, f"FR {p['frame']}", p["deck"], side,
-                     f"{abs(100 * p['y_m']):g}", p["home_run_m"], f"{p['update_ms']:g}"])  # fmt: skip
+        cells = [tag, p["system"], p["box"], kind, signal, f"FR {p['frame']}", p["deck"], side]
+        rows.append([*cells, f"{abs(100 * p['y_m']):g}", p["home_run_m"], f"{p['update_ms']:g}"])
     frames = "".join(f"{frame} = {x}\n" for frame, x in FRAMES.items())
     decks = "".join(f"{deck} = {z}\n" for deck, z in DECKS.items())
     return "csv", text(rows, "\t", "utf-16"), f"[frames]\n{frames}[decks]\n{decks}", 0
