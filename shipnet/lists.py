@@ -634,13 +634,7 @@ class Cells:
         cells, texts = self[name], self.typed(name)
         if name in self.needs_unit and not self.units.get(name):
             bare = [n for n, cell in enumerate(cells) if cell and not re.search(r"[^\W\d_]", cell)]
-            said = f"title {self.titles[self.places[name][0]]!r} has no unit" if bare else ""
-            if len(bare) == np.count_nonzero(self.given(name)) and bare:
-                stem = name.rpartition("_")[0]
-                self._faults.append((-1, -1, f"row {self.sheet.top}: {said}; write {name} or "
-                                     f"{stem} [{spelled(unit)}], for example"))  # fmt: skip
-                return np.full(len(cells), np.nan)
-            self.wrong(bare, name, f"a unit, such as {spelled(unit)}")
+            self.wrong(bare, name, f"a unit in the title, such as {name} or [{spelled(unit)}]")
         # A list has few distinct numbers, so each is read once.
         pairs = [*zip(cells, texts, strict=True)]
         values = {pair: self.read(*pair, unit, target) for pair in set(pairs)}

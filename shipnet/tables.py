@@ -21,7 +21,7 @@ from numbers import Number
 from operator import itemgetter
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from xml.etree import ElementTree
 from zipfile import ZipFile
 
@@ -330,9 +330,9 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
     odd: dict[tuple[int, int], str] = {}
     titles: list[str] = []
     above: list[tuple[int, list[str]]] = []
-    layout = book.layout(title)
+    merged, hidden, unsaved = book.layout(title)
     for number, cells, own in book.rows(title):
-        for place in layout.unsaved.get(number, ()):
+        for place in unsaved.get(number, ()):
             cells += [""] * (place + 1 - len(cells))
             if not cells[place]:
                 cells[place], own[place] = "=", "a formula without a saved value"
@@ -343,10 +343,10 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
         elif any(cells):
             rows.append((number, cells))
             odd |= {(number, place): what for place, what in own.items()}
-    filled = _fill_down(rows, odd, book.typed, [area for area in layout.merged if area[0] > top])
+    filled = _fill_down(rows, odd, book.typed, [area for area in merged if area[0] > top])
     return Sheet(
         source, top, _trim(titles), rows, "", odd, sheet=title,
-        hidden=frozenset(layout.hidden).intersection(number for number, _ in rows),
+        hidden=hidden.intersection(number for number, _ in rows),
         struck=frozenset(book.struck), typed=frozenset(book.typed), merged=frozenset(filled),
         above=above,
     )  # fmt: skip
@@ -427,20 +427,25 @@ class _Workbook:
             self._strikes[style] = bool(cell.font.strike)
         return self._strikes[style]
 
-    def layout(self, title: str) -> _Layout:
-        """Return the merged areas, the hidden rows and the formulas without a value of a sheet."""
+    def layout(
+        self, title: str
+    ) -> tuple[list[tuple[int, int, int]], frozenset[int], dict[int, list[int]]]:
+        """Return merged areas, hidden rows, and columns of formulas without a saved value by row.
+
+        Merged areas are (first row, last row, first column from 0).
+        """
         from openpyxl.utils.cell import column_index_from_string, coordinate_from_string
         from openpyxl.worksheet.cell_range import CellRange
 
         # In its row-by-row mode, which saves memory, openpyxl skips these.
-        found = _Layout([], set(), {})
+        merged, hidden, unsaved = [], set(), dict[int, list[int]]()
         valued = False
         with self._archive.open(self._book[title]._worksheet_path) as part:
             for _, element in ElementTree.iterparse(part):
                 tag = element.tag.rpartition("}")[2]
                 if tag == "mergeCell":
                     area = CellRange(element.attrib["ref"])
-                    found.merged.append((area.min_row, area.max_row, area.min_col - 1))
+                    merged.append((area.min_row, area.max_row, area.min_col - 1))
                 elif tag == "v":
                     valued = bool(element.text)
                 elif tag == "c":
@@ -448,26 +453,13 @@ class _Workbook:
                     at = element.get("r", "")
                     if has_formula and at and not valued and "t" not in element.attrib:
                         letters, row = coordinate_from_string(at)
-                        place = column_index_from_string(letters) - 1
-                        found.unsaved.setdefault(row, []).append(place)
+                        unsaved.setdefault(row, []).append(column_index_from_string(letters) - 1)
                     valued = False
                 elif tag == "row" and element.get("hidden") in ("1", "true"):
-                    found.hidden.add(int(element.get("r", 0)))
+                    hidden.add(int(element.get("r", 0)))
                 if tag in ("c", "row"):
                     element.clear()
-        return found
-
-
-class _Layout(NamedTuple):
-    """What a sheet states beside the values of its cells.
-
-    Merged areas are (first row, last row, first column from 0); `unsaved` has the columns of
-    formulas without a saved value by row.
-    """
-
-    merged: list[tuple[int, int, int]]
-    hidden: set[int]
-    unsaved: dict[int, list[int]]
+        return merged, frozenset(hidden), unsaved
 
 
 @contextmanager

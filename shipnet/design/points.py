@@ -111,12 +111,9 @@ class Points(Cells):
         faults = []
         for group in (_POSITION, _BOX):
             ways = {name: {name, *_AXES.get(name, ())} for name in group}
-            missing = [name for name in group if ways[name].isdisjoint(self.places)]
-            if len(missing) < 3 and not self.places.keys().isdisjoint(group):
-                wanted = ", ".join(group)
-                if missing:
-                    none = " and no ".join(missing)
-                    faults.append(f"no column {none}; expected {wanted}, or none")
+            missing = " and no ".join(n for n in group if ways[n].isdisjoint(self.places))
+            if missing and not self.places.keys().isdisjoint(group):
+                faults.append(f"no column {missing}; expected {', '.join(group)}, or none")
         if "tag" not in self.places:
             faults.append("no column tag")
         if "signal" not in self.places and "type" not in self.places:
@@ -205,12 +202,11 @@ def _place_by_frames(cells: Points, numbers: dict[str, Floats]) -> None:
         rows = list(zip(*(map(widened, cells[name]) for name in columns), strict=True))
         given = np.array([any(row) for row in rows], dtype=bool)
         reading = cells.reading
-        lacking = [name for name, axis, table in (("frames", "x_m", reading.frames),
-                                                  ("decks", "z_m", reading.decks))
-                   if axis in computed and not table]  # fmt: skip
-        if lacking:
-            wanted = " and ".join(f"[{name}]" for name in ("frames", "decks"))
-            said = f"not placed by frame and deck; the settings do not define both {wanted}"
+        tables = {"x_m": reading.frames, "z_m": reading.decks}
+        if not all(tables[axis] for axis in computed):
+            said = (
+                "not placed by frame and deck; the settings do not define both [frames] and [decks]"
+            )
             cells.doubt(said, given)
             return
         known = {row: _placed(reading, dict(zip(columns, row, strict=True)), computed)
@@ -223,12 +219,13 @@ def _place_by_frames(cells: Points, numbers: dict[str, Floats]) -> None:
             for name, value in found.items():
                 if name != "y_m" or np.isnan(numbers[name][place]):
                     numbers[name][place] = value
-        by = {"x_m": "x from the frame", "z_m": "z from the deck"}
-        said = " and ".join(by[name] for name in computed)
-        cells.remarks.append(Remark(f"computed: {said}", detail=True))
-        for axis in {*_POSITION}.difference(computed) & cells.places.keys():
-            empty = given & ~cells.given(axis)
-            cells.wrong(np.flatnonzero(empty).tolist(), axis, "a number, or no frame and no deck")
+        said = ", ".join(axis[0] for axis in computed)
+        cells.remarks.append(Remark(f"computed from frame and deck: {said}", detail=True))
+        for axis in cells.places.keys() & {*_POSITION}:
+            alone = np.flatnonzero(cells.given(axis) & ~given).tolist()
+            empty = np.flatnonzero(given & ~cells.given(axis)).tolist()
+            cells.wrong(alone, columns[0], f"{PLACED[columns[0]]}, because {axis[0]} is given")
+            cells.wrong(empty, axis, "a number, because the frame or the deck is given")
     if "y_m" not in cells.places:
         placed = np.isfinite(numbers["x_m"]) & np.isfinite(numbers["z_m"])
         centred = placed & np.isnan(numbers["y_m"])
@@ -312,8 +309,8 @@ def points_of(
     texts = {name: _text(cells, name) for name in ("tag", "system", "box", "device")}
     texts["ex"] = _safety(cells)
     _check_tags(cells, texts["tag"])
-    types = {word: found[0][0] for word, found in spellings("type").items()}
-    types |= {plain(word): find_signal(name) for word, name in cells.reading.signals}
+    types = {plain(word): find_signal(name) for word, name in reading.signals}
+    types |= {word: found[0][0] for word, found in spellings("type").items()}
     unsafe = cells.given("ex") & ~np.fromiter(map(bool, texts["ex"]), bool, len(cells.rows))
     signals = _signals(cells, _look_up(cells, "type", types, "DI, DO, AI or AO"), texts["ex"])
     disagree = unsafe & np.fromiter(map(bool, texts["ex"]), bool, len(cells.rows))

@@ -362,4 +362,6 @@ def test_what_is_left_out_of_a_plan_or_not_used_is_said(load):
 def test_a_unit_that_is_unknown_or_missing_is_refused(load):
     ft, bare = SMALL.replace("length_m", "length [ft]"), SMALL.replace("current_ma", "current")
     assert "has the unit 'ft'; expected m, mm, cm" in faults(load, ft)[0]
-    assert "title 'current' has no unit; write current_ma or current [mA]" in faults(load, bare)[0]
+    assert (
+        "'100'; expected a unit in the title, such as current_ma or [mA]" in faults(load, bare)[0]
+    )

@@ -228,7 +228,7 @@ def test_an_identifier_may_have_leading_zeros():
         ("name,arbitration_id,dlc,period_ms\n", "has no message"),
         (
             "name,id,dlc,Cycle\nA,1,8,1\n",
-            "row 1: title 'Cycle' has no unit; write period_ms or period [ms], for example",
+            "row 2, column Cycle (D): '1'; expected a unit in the title, such as period_ms or [ms]",
         ),
         ("name,dlc,every\nA,8,1\n", "unknown titles: every; columns= or --column TITLE=NAME may"),
         ("name,dlc,period\nA,8,1\n", "no column arbitration_id"),
@@ -585,7 +585,7 @@ def test_what_is_left_out_of_a_list_or_not_used_is_said(tmp_path):
     [
         ("Cycle (h)", "1", "title 'Cycle (h)' has the unit 'h'; expected s, ms"),
         ("Cycle (m)", "1", "title 'Cycle (m)' has the unit 'm'; expected s, ms"),
-        ("Cycle", "20", "title 'Cycle' has no unit; write period_ms or period [ms]"),
+        ("Cycle", "20", "'20'; expected a unit in the title, such as period_ms"),
         ("Cycle [ms]", "20 h", "'20 h'; expected a number 0.001..1e+08 ms"),
         ("Cycle [ms]", "1.000", "'1.000'; expected a number 0.001..1e+08 ms; it may be 1 or 1000"),
     ],

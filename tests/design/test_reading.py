@@ -871,6 +871,8 @@ def test_a_place_without_a_side_says_that_y_is_0():
 def test_axes_may_come_from_frames_or_from_columns():
     text = "tag,type,frame,y,z\nA1,DI,FR 30,4,9\n"
     assert IoList.parse(text, reading=FRAMES.reading).places.tolist() == [[18, 4, 9]]
+    with pytest.raises(InputError, match=r"column frame \(C\): is empty; expected a frame"):
+        IoList.parse(text.replace("FR 30", ""), reading=FRAMES.reading)
     with pytest.raises(InputError, match=r"column z \(E\): is empty"):
         IoList.parse(text.replace("9", ""), reading=FRAMES.reading)
 
