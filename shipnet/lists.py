@@ -290,17 +290,18 @@ class Cells:
         self.units: dict[str, str] = {}
         self._faults: list[tuple[int, int, str]] = []
         self._typed = set(sheet.typed)
+        self._alone: list[tuple[int, str]] = []
         rows = self._read_titles()
         self._find_columns(rows)
-        rows = self._entries(rows)
+        rows = self._entries(rows, grouped)
         if not rows:
             raise InputError(self.source, f"has no {self.noun}s; expected one per row")
         self.rows = [number for number, _ in rows]
         self._columns = [list(c) for c in zip_longest(*(row for _, row in rows), fillvalue="")]
         self._check_width(rows)
-        self._fill_dittos()
-        for name in grouped:
-            self._fill_down(name)
+        for number, name in self._alone:
+            row = self.rows.index(number)
+            self.wrong([row], name, "a value; a ditto mark here has none above it")
         self._find_mark()
 
     # What a kind of list decides.
@@ -393,10 +394,12 @@ class Cells:
     def arrange(self, rows: Sequence[tuple[int, list[str]]]) -> None:
         """Change the meaning of columns if the rows require it."""
 
-    def _entries(self, rows: Iterable[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    def _entries(
+        self, rows: Iterable[tuple[int, list[str]]], grouped: Iterable[str]
+    ) -> list[tuple[int, list[str]]]:
         """Return the rows that are entries, and add remarks on rows left out, hidden or struck."""
         rows = list(rows)
-        entries, left = [], dict[str, list[int]]()
+        listed, left = list[tuple[int, list[str], str]](), dict[str, list[int]]()
         heads = [{cell for cell in titles if cell} for titles in self._heads]
         # Few rows contain a title or a mark such as `void`; compare only these with the titles.
         words = set(chain.from_iterable(cells for _, cells in rows))
@@ -411,11 +414,15 @@ class Cells:
             why = self._no_entry(number, cells, near, not marked.isdisjoint(cells), struck)
             if why:
                 left.setdefault(text if why == _TEXT else why, []).append(number)
-            else:
-                entries.append((number, cells))
+            if why not in (_TEXT, _REPEATED):
+                listed.append((number, cells, why))
         for why, numbers in left.items():
             doubt = why not in (_REPEATED, text)
             self.remarks.append(Remark(f"left out, {why}", tuple(numbers), doubt=doubt))
+        self._fill_dittos(listed)
+        for name in grouped:
+            self._fill_down(name, listed)
+        entries = [(number, cells) for number, cells, why in listed if not why]
         gone = {number for number, cells in entries
                 for place in self.places.get("note", ()) if place < len(cells)
                 and _GONE_WORD.search(cells[place])}  # fmt: skip
@@ -482,39 +489,44 @@ class Cells:
             numbers = tuple(self.rows[row] for row in beside)
             self.remarks.append(Remark("not used: cells beside the table", numbers))
 
-    def _fill_dittos(self) -> None:
-        """Replace ditto marks by the cell of the row above."""
-        for name, places in self.places.items():
-            if name == self.key:
-                continue
-            for place in places:
-                cells = self.column(place)
-                marks = self._dittos
-                if name in self.literal:
-                    marks = {mark for mark in marks if plain(mark) != "do"}
-                rows = [row for row, cell in enumerate(cells) if cell in marks] if marks else []
-                for row in rows:
-                    cells[row] = cells[row - 1] if row else ""
-                    if row and (self.rows[row - 1], place) in self._typed:
-                        self._typed.add((self.rows[row], place))
-                alone = [row for row in rows if not cells[row] and name != "note"]
-                self.wrong(alone, name, "a value; a ditto mark here has none above it")
-                if filled := tuple(self.rows[row] for row in rows if cells[row]):
-                    said = f"{self.titles[place]}: ditto marks filled from the row above"
-                    self.remarks.append(Remark(said, filled))
+    def _fill_dittos(self, rows: Iterable[tuple[int, list[str], str]]) -> None:
+        """Replace ditto marks by the cell of the row above, which may itself be left out."""
+        filled: dict[int, list[int]] = {}
+        last, above = 0, list[str]()
+        for number, cells, why in rows:
+            for name, places in self.places.items():
+                for place in places if not self._dittos.isdisjoint(cells) else ():
+                    cell = cells[place] if place < len(cells) else ""
+                    is_word = name == self.key or (name in self.literal and plain(cell) == "do")
+                    if cell not in self._dittos or is_word:
+                        continue
+                    cells[place] = above[place] if place < len(above) else ""
+                    if (last, place) in self._typed:
+                        self._typed.add((number, place))
+                    if not why and cells[place]:
+                        filled.setdefault(place, []).append(number)
+                    elif not why and name != "note":
+                        self._alone.append((number, name))
+            last, above = number, cells
+        for place, numbers in filled.items():
+            said = f"{self.titles[place]}: ditto marks filled from the row above"
+            self.remarks.append(Remark(said, tuple(numbers)))
 
-    def _fill_down(self, name: str) -> None:
+    def _fill_down(self, name: str, rows: Sequence[tuple[int, list[str], str]]) -> None:
         """Fill a column that has values only in the first row of each group."""
-        cells = self[name]
-        values = [cell for cell in cells if cell]
-        twice = any(a and a == b for a, b in pairwise(cells))
-        if not values or len(values) == len(cells) or not cells[0] or twice:
+        place = self.places.get(name, [-1])[0]
+        column = [cells[place] if 0 <= place < len(cells) else "" for _, cells, _ in rows]
+        twice = any(a and a == b for a, b in pairwise(column))
+        if not any(column) or all(column) or not column[0] or twice:
             return
-        filled = tuple(row for row, cell in zip(self.rows, cells, strict=True) if not cell)
-        for row in range(1, len(cells)):
-            cells[row] = cells[row] or cells[row - 1]
+        last, filled = "", []
+        for number, cells, why in rows:
+            cells += [""] * (place + 1 - len(cells))
+            if not cells[place] and not why:
+                filled.append(number)
+            last = cells[place] = cells[place] or last
         said = f"{name} filled down from the row above, because it is given once per group"
-        self.remarks.append(Remark(said, filled, doubt=True))
+        self.remarks.append(Remark(said, tuple(filled), doubt=True))
 
     # Columns, remarks and faults.
 

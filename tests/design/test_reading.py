@@ -670,6 +670,17 @@ def test_ditto_marks_are_filled_and_counted(mark):
         IoList.from_table(pd.DataFrame({"tag": ["A1", mark, mark], "type": "DI"}))
 
 
+@pytest.mark.parametrize("gone", ["deleted", "not fitted"])
+def test_a_ditto_mark_below_a_row_that_is_left_out_repeats_that_row(gone):
+    text = f"tag,type,box,home run,note\nA1,DI,JB1,5,\nA2,DI,JB2,9,{gone}\nA3,DI,do.,do.,\n"
+    points = IoList.parse(text).points
+    assert points["box"].tolist() == ["JB1", "JB2"]
+    assert points["home_run_m"].tolist() == [5, 9]
+    # So does a cell that is filled down.
+    text = f"tag,type,system,note\nA1,DI,a,\nA2,DI,,\nA3,DI,b,{gone}\nA4,DI,,\n"
+    assert IoList.parse(text).points["system"].tolist() == ["a", "a", "b"]
+
+
 def test_do_in_a_column_of_types_is_a_digital_output():
     assert IoList.parse("tag,type\nA1,DI\nA2,do.\nA3,DO\n").points["type"].tolist() == [
         "DI", "DO", "DO",

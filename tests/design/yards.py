@@ -140,7 +140,7 @@ def ulsan(points):
             f"{1000 * p['z_m']:g}mm", length, f"{p['update_ms'] / 1000:g} s", "",
         ])  # fmt: skip
         system, box = p["system"], p["box"]
-    rows.insert(9, ["P902", "X", "JB1", "무전압 접점", 1, 1, 1, 1, "1 s", "삭제"])
+    rows.insert(9, ["P902", "상동", "〃", "무전압 접점", 1, 1, 1, 1, "1 s", "삭제"])
     return "csv", text(rows, ",", "cp949"), "", 1
 
 
