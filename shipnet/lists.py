@@ -265,7 +265,7 @@ class Cells:
     """The columns of a list (one cell per entry), and the remarks and faults found in it.
 
     A kind of list is a subclass, which states its words, the noun for its entries and the column
-    that names an entry. The columns `grouped` may have a cell only in the first row of each group.
+    that names an entry. In a list that the package saved (`is_saved`), no cell is filled in.
     """
 
     words: ClassVar[Words]
@@ -273,6 +273,7 @@ class Cells:
     key: ClassVar[str]
     titled_by: ClassVar[frozenset[str]]  #: A row with two titles, one of these, is a row of titles.
     literal: ClassVar[tuple[str, ...]] = ()  #: Columns in which ``do.`` is not a ditto mark.
+    grouped: ClassVar[tuple[str, ...]] = ()  #: Columns that may be given once per group.
     needs_unit: ClassVar[frozenset[str]] = frozenset()  #: Quantities without a usual unit.
     hint: ClassVar[str] = "rename them, or leave them out"  #: What to do about unknown titles.
     has_spares: ClassVar[bool] = False  #: Whether rows marked spare or named by a dash are void.
@@ -281,7 +282,8 @@ class Cells:
         self,
         sheet: Sheet,
         own: tuple[tuple[str, str], ...] = (),
-        grouped: Sequence[str] = (),
+        *,
+        is_saved: bool = False,
     ) -> None:
         self.sheet, self.own = sheet, own
         self.source = f"{sheet.source}, sheet {sheet.sheet}" if sheet.sheet else sheet.source
@@ -293,7 +295,7 @@ class Cells:
         self._alone: list[tuple[int, str]] = []
         rows = self._read_titles()
         self._find_columns(rows)
-        rows = self._entries(rows, grouped)
+        rows = self._entries(rows, is_saved)
         if not rows:
             raise InputError(self.source, f"has no {self.noun}s; expected one per row")
         self.rows = [number for number, _ in rows]
@@ -395,7 +397,7 @@ class Cells:
         """Change the meaning of columns if the rows require it."""
 
     def _entries(
-        self, rows: Iterable[tuple[int, list[str]]], grouped: Iterable[str]
+        self, rows: Iterable[tuple[int, list[str]]], is_saved: bool
     ) -> list[tuple[int, list[str]]]:
         """Return the rows that are entries, and add remarks on rows left out, hidden or struck."""
         rows = list(rows)
@@ -406,7 +408,7 @@ class Cells:
         marked = set(filter(_MARKED.fullmatch, words)) if self.has_spares else set()
         suspect = marked.union(*heads)
         self._gone = set(filter(_GONE_NOTE.fullmatch, words))
-        self._dittos = set(filter(is_ditto, words))
+        self._dittos = set() if is_saved else set(filter(is_ditto, words))
         struck = {number for number, _ in self.sheet.struck}
         text = f"not {'an' if self.noun[0] in 'aeiou' else 'a'} {self.noun}: {_TEXT}"
         for number, cells in rows:
@@ -420,7 +422,7 @@ class Cells:
             doubt = why not in (_REPEATED, text)
             self.remarks.append(Remark(f"left out, {why}", tuple(numbers), doubt=doubt))
         self._fill_dittos(listed)
-        for name in grouped:
+        for name in () if is_saved else self.grouped:
             self._fill_down(name, listed)
         entries = [(number, cells) for number, cells, why in listed if not why]
         gone = {number for number, cells in entries
@@ -516,8 +518,9 @@ class Cells:
         """Fill a column that has values only in the first row of each group."""
         place = self.places.get(name, [-1])[0]
         column = [cells[place] if 0 <= place < len(cells) else "" for _, cells, _ in rows]
-        twice = any(a and a == b for a, b in pairwise(column))
-        if not any(column) or all(column) or not column[0] or twice:
+        kept = [cell for cell, (_, _, why) in zip(column, rows, strict=True) if not why]
+        twice = any(a and a == b for a, b in pairwise(kept))
+        if not any(kept) or all(kept) or not column[0] or twice:
             return
         last, filled = "", []
         for number, cells, why in rows:

@@ -130,7 +130,8 @@ class _Elements(Cells):
 def read_elements(path: str | PathLike[str]) -> tuple[list[Element], tuple[str, ...]]:
     """Read the elements of a plan from a file; return them and the remarks on how."""
     what = "titles of a plan (at least kind and node)"
-    cells = _Elements(read_sheet(path, is_titles=_Elements.score(), what=what))
+    sheet = read_sheet(path, is_titles=_Elements.score(), what=what)
+    cells = _Elements(sheet, is_saved={*sheet.titles} <= {*COLUMNS})
     columns = {column: cells[column] for column in COLUMNS}
     values: dict[str, list[Any]] = {}
     for column in COLUMNS:

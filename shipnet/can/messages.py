@@ -167,7 +167,7 @@ class _Messages(Cells):
 
     def __init__(self, sheet: Sheet, own: Mapping[str, str], period: float | None) -> None:
         self.needed = _NEEDED if period is None else _NEEDED[:3]
-        super().__init__(sheet, tuple(own.items()))
+        super().__init__(sheet, tuple(own.items()), is_saved=sheet.titles == COLUMNS)
 
     def column_faults(self) -> list[str]:
         """Return which of the required columns are missing."""

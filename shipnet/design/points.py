@@ -73,6 +73,7 @@ class Points(Cells):
     words, noun, key = words(), "point", "tag"
     titled_by = frozenset({"tag", "type", "signal"})
     has_spares = True
+    grouped = ("system", "box")
     literal = ("type", "signal")
     hint = "[columns] in the settings may define them"
 
@@ -80,9 +81,8 @@ class Points(Cells):
         self.reading = reading
         # Few rows differ in their type and signal, so each pair is looked up once.
         self._meant: dict[tuple[str, str], bool] = {}
-        # A list that `IoList.save` wrote has no groups.
-        saved = {*COLUMNS} - {"device", "ex"} <= {*sheet.titles} <= {*COLUMNS}
-        super().__init__(sheet, reading.columns, () if saved else ("system", "box"))
+        is_saved = {*COLUMNS} - {"device", "ex"} <= {*sheet.titles} <= {*COLUMNS}
+        super().__init__(sheet, reading.columns, is_saved=is_saved)
 
     def arrange(self, rows: Sequence[tuple[int, list[str]]]) -> None:
         """Read the column of types as that of signals if it contains some, such as Pt100."""
