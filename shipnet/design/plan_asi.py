@@ -434,9 +434,9 @@ def build(
     drawn = draw(ways, cable, limits)
     exceeded = _too_late(group, responses, need)
     plan = None
-    if exceeded is None and drawn is None:
+    if drawn is None:
         bound = limits.length * (1 + limits.repeaters)
-        exceeded = Exceeded("length", float(cable[0].max()), bound, "m")
+        exceeded = exceeded or Exceeded("length", float(cable[0].max()), bound, "m")
     elif exceeded is None:
         plan = plan_of(drawn, slaves, limits)
         exceeded = _against_rules(plan, limits)
