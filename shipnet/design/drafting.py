@@ -245,7 +245,8 @@ class Draft:
         self.spots: list[Place] = list(map(tuple, self.places.tolist()))
         need = points["update_ms"].fillna(1e3 * self.settings.update).to_numpy(float) / 1e3
         self.need: Floats = np.minimum(need, self.longest)
-        self.common = np.array([SIGNALS[str(s)].common for s in points["signal"]], dtype=np.int64)
+        self.signals = points["signal"].to_numpy(object)
+        self.common = np.array([SIGNALS[signal].common for signal in self.signals], dtype=np.int64)
         self.wires = points["conductors"].to_numpy(np.int64) + self.common
         self.types: list[str] = points["type"].tolist()
         self.tags: list[str] = points["tag"].tolist()
