@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
-from itertools import chain
 
 import numpy as np
 
@@ -73,7 +72,7 @@ def check_lines(
     if missing:
         raise ArgumentError(f"limits lack {', '.join(missing)}")
     transaction = Transaction() if transaction is None else transaction
-    rows = [row for line in lines for row in _rows(line, wanted_cycle, transaction, _signals(line))]
+    rows = [row for line in lines for row in _rows(line, wanted_cycle, transaction)]
     rule, name, values, own, why = zip(*rows, strict=True)
     rank = {rule: place for place, rule in enumerate(bounds.index)}
     places = [rank[one] for one in rule]
@@ -96,52 +95,36 @@ def meets(lines: Sequence[tuple[Segment, ...]], limits: pd.DataFrame) -> bool:
     """Return True if every rule is met; stop checking at the first violation."""
     ends = limits["low"].fillna(-np.inf), limits["high"].fillna(np.inf)
     bounds = dict(zip(limits.index, zip(*ends, strict=True), strict=True))
-
-    def met(row: _Row) -> bool:
-        rule, _, value, own, _ = row
-        low, high = bounds[rule]
-        high = high if own is None else own
-        return bool(low - _SLACK * abs(low) <= value <= high + _SLACK * abs(high))
-
-    return all(
-        all(map(met, _rows(line, None, Transaction(), {})))
-        and all(map(met, chain.from_iterable(_signal_rows(line[n], quality)
-                                             for n, quality in _signals(line).items())))
-        for line in lines
-    )  # fmt: skip
+    for line in lines:
+        for rule, _, value, own, _ in _rows(line, None, Transaction()):
+            low, high = bounds[rule]
+            high = high if own is None else own
+            if not low - _SLACK * abs(low) <= value <= high + _SLACK * abs(high):
+                return False
+    return True
 
 
 def _rows(
-    line: tuple[Segment, ...],
-    wanted: float | None,
-    transaction: Transaction,
-    signals: Mapping[int, Quality],
+    line: tuple[Segment, ...], wanted: float | None, transaction: Transaction
 ) -> Iterator[_Row]:
-    """Yield the rows of a line; those of the signals come from the quality in each segment."""
     yield from _line_rows(line, wanted, transaction)
     yield from _address_rows(line)
     terminated = any(segment.terminators for segment in line)
-    for number, segment in enumerate(line):
+    judged = []
+    for segment in line:
         yield from _segment_rows(segment, terminated)
         yield from _supply_rows(segment)
-        if why := _unverified(segment):
-            yield "voltages_and_signals", str(segment), np.nan, None, why
-        elif number in signals:
-            yield from _signal_rows(segment, signals[number])
-
-
-def _unverified(segment: Segment) -> str:
-    """Return why voltages and signals in a segment cannot be computed; "" if they can."""
-    why = ["no master on the line"] if segment.head is None else []
-    if len(segment.supplies) != 1 and segment.listeners:
-        why.append(f"{len(segment.supplies)} supplies in the segment")
-    return "; ".join(why)
-
-
-def _signals(line: tuple[Segment, ...]) -> dict[int, Quality]:
-    """Return the quality of the signals in each segment, by its number in the line."""
-    numbers = [number for number, segment in enumerate(line) if not _unverified(segment)]
-    return dict(zip(numbers, signals_of([line[number] for number in numbers]), strict=True))
+        why = []
+        if segment.head is None:
+            why.append("no master on the line")
+        if len(segment.supplies) != 1 and segment.listeners:
+            why.append(f"{len(segment.supplies)} supplies in the segment")
+        if why:
+            yield "voltages_and_signals", str(segment), np.nan, None, "; ".join(why)
+        else:
+            judged.append(segment)
+    for segment, quality in zip(judged, signals_of(judged), strict=True):
+        yield from _signal_rows(segment, quality)
 
 
 def _line_rows(

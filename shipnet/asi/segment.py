@@ -333,29 +333,25 @@ class Segment:
         rows = [places.index(node) for node in nodes]
         return Quality._make([*(values[rows] for values in found[:5]), tuple(nodes)])
 
-    def signals(self) -> Quality:
-        """Return the worst quality of the 16 responses and the `PROBES` for each listener."""
-        return signals_of([self])[0]
-
 
 def signals_of(segments: Sequence[Segment]) -> list[Quality]:
-    """Return `Segment.signals` of several segments, which are received together."""
-    nodes = [[node for _, node in segment.listeners] for segment in segments]
+    """Return the worst quality of the 16 responses and the `PROBES` for each listener."""
+    listeners = [[node for _, node in segment.listeners] for segment in segments]
+    nodes = [list(dict.fromkeys(repeated)) for repeated in listeners]
     waves = [
-        segment.waveforms(list(dict.fromkeys(own)), RESPONSES, PROBES, **_PADDED)
-        for segment, own in zip(segments, nodes, strict=True)
-        if own or segment.head is None
+        segment.waveforms(distinct, RESPONSES, PROBES, **_PADDED)
+        for segment, distinct in zip(segments, nodes, strict=True)
+        if distinct or segment.head is None
     ]
     joined = [
         replace(batch[0], u=np.concatenate([wave.u for wave in batch]), names=())
         for batch in zip(*waves, strict=True)
     ]
     values = np.array(quality_of(*joined)[:5]) if joined else np.empty((5, 0))
-    rows = np.cumsum([0, *(len(set(own)) for own in nodes)])
-    places = [list(dict.fromkeys(own)) for own in nodes]
+    parts = np.split(values, np.cumsum([len(distinct) for distinct in nodes])[:-1], axis=1)
     return [
-        Quality(*values[:, [row + place.index(node) for node in own]])
-        for row, place, own in zip(rows, places, nodes, strict=False)
+        Quality(*part[:, [distinct.index(node) for node in repeated]])
+        for part, distinct, repeated in zip(parts, nodes, listeners, strict=False)
     ]
 
 

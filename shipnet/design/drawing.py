@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from math import nan
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 from shipnet.design.layout import Layout
 from shipnet.lazy import pd
@@ -138,18 +138,10 @@ def _text(x: float, y: float, words: str, style: str = "", most: int = 200) -> s
     return f'<text x="{x:g}" y="{y:g}" {style}>{escape(shown)}</text>' if shown else ""
 
 
-class _Device(NamedTuple):
-    name: str
-    kind: str
-    at: str
-
-
-class _Trunk(NamedTuple):
-    a: str
-    b: str
-    cable: str
-    line: str
-    length: float
+#: A device: name, kind, and the device whose housing contains it. A trunk: its ends, the key of
+#: its cable, its line, and its length [m].
+_Device: TypeAlias = "tuple[str, str, str]"
+_Trunk: TypeAlias = "tuple[str, str, str, str, float]"
 
 
 def _rows(design: Layout) -> Iterator[_Row]:
@@ -159,10 +151,11 @@ def _rows(design: Layout) -> Iterator[_Row]:
     fed = dict(zip(feeders["a"].tolist(), feeders["b"].tolist(), strict=True))
     for segment, name, kind, at in _values(design.devices, "segment", "device", "kind", "at"):
         # A supply without a housing is drawn beside the device that it feeds.
-        devices[segment].append(_Device(name, kind, at or fed.get(name, "")))
+        devices[segment].append((name, kind, at or fed.get(name, "")))
     laid = design.cables[design.cables["kind"] == "trunk"]
-    for segment, *trunk in _values(laid, "segment", "a", "b", "cable", "line", "length_m"):
-        trunks[segment].append(_Trunk(*trunk))
+    columns = "a", "b", "cable", "line", "length_m"
+    for segment, trunk in zip(laid["segment"].tolist(), _values(laid, *columns), strict=True):
+        trunks[segment].append(trunk)
     counts = _counts(design)
     hardwired = _hardwired(design, devices[""], trunks[""], counts)
     blocks = [("hardwired", _COLOURS[-1], hardwired)] if hardwired.children else []
@@ -170,10 +163,10 @@ def _rows(design: Layout) -> Iterator[_Row]:
         _values(design.segments, "segment", "points", "length_m")
     ):
         colour, runs = _COLOURS[number % len(_COLOURS)], trunks[segment]
-        single = [run for run in runs if run.line != "B"]
+        single = [run for run in runs if run[3] != "B"]
         words = (
             f"{segment}: {points} points, {length:.0f} m of "
-            f"{', '.join(dict.fromkeys(run.cable for run in runs))}"
+            f"{', '.join(dict.fromkeys(cable for _, _, cable, *_ in runs))}"
             f"{' on each of two lines' if len(single) < len(runs) else ''}"
         )
         blocks.append((words, colour, _tree(segment, devices[segment], single, counts)))
@@ -211,19 +204,19 @@ def _hardwired(
 ) -> _Node:
     """Return the cabinet with the boxes, and the home runs of each system."""
     root = _Node(_Row(design.cabinet, kind="cabinet"))
-    to = defaultdict[str, list[_Trunk]](list)
-    for run in trunks:
-        to[run.b].append(run)
-    for box in (device.name for device in devices if device.kind == "box"):
-        words = f"{' + '.join(run.cable for run in to[box])}, {counts.get(box, '')}"
-        length = max((run.length for run in to[box]), default=nan)
-        root.children.append(_Node(_Row(box, words, f"{length:.0f} m")))
+    cables, lengths = defaultdict[str, list[str]](list), defaultdict[str, list[float]](list)
+    for _, box, cable, _, length in trunks:
+        cables[box].append(cable)
+        lengths[box].append(length)
+    for box in (name for name, kind, _ in devices if kind == "box"):
+        words = f"{' + '.join(cables[box])}, {counts.get(box, '')}"
+        root.children.append(_Node(_Row(box, words, f"{max(lengths[box], default=nan):.0f} m")))
     home = design.cables[design.cables["kind"] == "home run"]
     system = dict(zip(design.points["tag"], design.iolist.points["system"], strict=True))
-    lengths = defaultdict[str, list[float]](list)
+    runs = defaultdict[str, list[float]](list)
     for tag, length in _values(home, "b", "length_m"):
-        lengths[system[tag]].append(length)
-    for name, metres in lengths.items():
+        runs[system[tag]].append(length)
+    for name, metres in runs.items():
         words = f"{len(metres)} home runs of {min(metres):.0f} to {max(metres):.0f} m"
         row = _Row(name or "no system", words, f"{sum(metres) / 1e3:.3g} km")
         root.children.append(_Node(row))
@@ -246,10 +239,10 @@ def _tree(
         if kind == "master" and root.row.name == "nothing":
             root, node.row.kind = node, "cabinet"
     children = dict[str, str]()
-    for run in trunk:
-        nodes[run.b].row.length = f"{run.length:.0f} m"
-        if children.setdefault(run.b, run.a) == run.a:
-            nodes.get(run.a, root).children.append(nodes[run.b])
+    for a, b, _, _, length in trunk:
+        nodes[b].row.length = f"{length:.0f} m"
+        if children.setdefault(b, a) == a:
+            nodes.get(a, root).children.append(nodes[b])
     # A repeater in a housing is drawn below the device there; in the cabinet, below the master.
     for name, kind, at in devices:
         if kind == "repeater" and name not in children and not name.endswith(" B"):

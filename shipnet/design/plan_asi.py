@@ -11,8 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import shortest_path
 
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.master import Master
@@ -193,7 +191,7 @@ def _module(
 _SHORTEST = 0.01
 
 #: Maximum number of divisions compared per node; only nodes with many branches have more.
-_COMPARED = 50
+_COMPARED = 20
 
 
 class Piece(NamedTuple):
@@ -341,15 +339,16 @@ def _drawn(division: _Division) -> Drawn:
 
 
 def place_supply(
-    pieces: Sequence[Piece], draws: Mapping[str, float], first: str, voltage: float,
-    resistance: float,
-) -> str:  # fmt: skip
-    """Return a supply's node: `first` if the voltages suffice, else that with the smallest drop."""
-    nodes = list(dict.fromkeys(node for piece in pieces for node in (piece.near, piece.far)))
-    ends = [[nodes.index(piece.near), nodes.index(piece.far)] for piece in pieces]
-    lengths = [piece.length for piece in pieces]
-    graph = coo_array((lengths, np.transpose(ends)), shape=(len(nodes),) * 2)
-    away = shortest_path(graph.tocsr(), directed=False)
+    pieces: Sequence[Piece], draws: Mapping[str, float], voltage: float, resistance: float
+) -> str:
+    """Return a supply's node: the first if the voltages suffice, else that with the smallest drop.
+
+    Each piece must begin at a node of the pieces before it.
+    """
+    nodes, away = [pieces[0].near], np.zeros((len(pieces) + 1,) * 2)
+    for far, piece in enumerate(pieces, 1):
+        away[far, :far] = away[:far, far] = away[nodes.index(piece.near), :far] + piece.length
+        nodes.append(piece.far)
     current = np.array([draws.get(node, 0.0) for node in nodes])
 
     def drops(here: list[int]) -> Floats:
@@ -358,8 +357,8 @@ def place_supply(
         lost = resistance * shared @ current
         return np.asarray(lost.max(axis=1, where=current > 0, initial=0.0))
 
-    if voltage - drops([nodes.index(first)])[0] >= slave_voltage():
-        return first
+    if voltage - drops([0])[0] >= slave_voltage():
+        return nodes[0]
     drop = drops([*range(len(nodes))])
     drop[[node not in draws for node in nodes]] = np.inf
     return nodes[int(drop.argmin())]
@@ -370,16 +369,18 @@ def plan_of(drawn: Drawn, slaves: Sequence[Slave], limits: AsiLimits) -> Plan:
     cable = cables()[limits.cable].line
     runs = [CableRun(p.near, p.far, max(p.length, _SHORTEST), cable) for p in drawn.pieces]
     draws = defaultdict(float, {"0": limits.current})
-    for node, current in [(slave.node, slave.current) for slave in slaves] + [
-        (node, limits.current) for ends in drawn.repeaters for node in ends
-    ]:
-        draws[node] += current
+    for slave in slaves:
+        draws[slave.node] += slave.current
+    for upstream, downstream in drawn.repeaters:
+        draws[upstream] += limits.current
+        draws[downstream] += limits.current
     resistance = float(CABLES[cable].resistance)
     supplies = [
-        Supply(place_supply(pieces, draws, head, limits.voltage, resistance), limits.voltage,
-               limits.rating)
-        for head, pieces in drawn.segments.items()
-    ]  # fmt: skip
+        Supply(
+            place_supply(pieces, draws, limits.voltage, resistance), limits.voltage, limits.rating
+        )
+        for pieces in drawn.segments.values()
+    ]
     master = Master(node="0", current=limits.current)
     repeaters = [Repeater(a, b, current=limits.current) for a, b in drawn.repeaters]
     return Plan(runs, [master], supplies, slaves, repeaters)

@@ -185,7 +185,7 @@ def test_the_supply_is_where_the_voltage_drop_is_least(hops, currents):
     ]
     draws = {str(n): currents[n] for n in range(len(places))}
     # At 20 V no place is good enough, so none is preferred.
-    found = place_supply(pieces, draws, "0", 20.0, CABLES["as-i 1.5"].resistance)
+    found = place_supply(pieces, draws, 20.0, CABLES["as-i 1.5"].resistance)
 
     def lowest(node):
         circuit = Plan(
