@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from math import inf
 from typing import NamedTuple
 
@@ -212,7 +213,6 @@ class _Loop(NamedTuple):
     longest: list[float]
     switch_over: float
     repeaters: list[int]
-    registers: list[Registers]
 
 
 def plan_modbus(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
@@ -222,9 +222,7 @@ def plan_modbus(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
     def alone(box: Box, length: float) -> tuple[Floats, str]:
         rate = max(rate for rate in limits.bit_rates if _longest_section(limits, rate) >= length)
         types = [draft.types[row] for row in box.rows]
-        least = {
-            kind: 2 * _polls(limits, registers_of([kind]), rate)[0].time for kind in set(types)
-        }
+        least = {kind: 2 * _polls(limits, (kind,), rate)[0].time for kind in set(types)}
         words = f"even on its own Modbus RTU line at {rate} bit/s, its response takes"
         return np.array([least[kind] for kind in types]), words
 
@@ -246,7 +244,8 @@ def plan_modbus(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
             draft, name, "Modbus", ordered, loop.trunk, limits.cable, loop.repeaters, doubled
         )
         for unit, (place, device) in enumerate(zip(order, names, strict=True), 1):
-            box, addresses = group[place], loop.registers[place].addresses
+            box = group[place]
+            addresses = registers_of([draft.types[row] for row in box.rows]).addresses
             response = loop.scan + loop.longest[place]
             for row, length, where in zip(box.rows, box.lengths, addresses, strict=True):
                 draft.connect(int(row), "Modbus RTU", name, device, f"{unit} {where}", response)
@@ -307,10 +306,10 @@ def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[i
 def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     limits = draft.settings.modbus
     trunk = route_past(draft, group)
-    registers = [registers_of([draft.types[row] for row in box.rows]) for box in group]
+    types = [tuple(draft.types[row] for row in box.rows) for box in group]
     needs = np.array([draft.need[box.rows].min() for box in group])
     for rate in sorted(limits.bit_rates):
-        polls = [_polls(limits, own, rate) for own in registers]
+        polls = [_polls(limits, own, rate) for own in types]
         times = [[poll.time for poll in own] for own in polls]
         scan = sum(sum(own) for own in times)
         longest = [max(own) for own in times]
@@ -323,7 +322,7 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     fits = in_time and repeaters is not None and len(repeaters) <= limits.repeaters
     switch_over = scan + sum(max(poll.timeout_time for poll in own) for own in polls)
     on_wire = sum(poll.on_wire for own in polls for poll in own)
-    loop = _Loop(trunk, rate, scan, on_wire, longest, switch_over, repeaters or [], registers)
+    loop = _Loop(trunk, rate, scan, on_wire, longest, switch_over, repeaters or [])
     return loop, 1 if fits else inf
 
 
@@ -332,10 +331,12 @@ def _longest_section(limits: ModbusLimits, bit_rate: int) -> float:
     return min(limits.length, INTERFACES["RS-485"].product / bit_rate)
 
 
-def _polls(limits: ModbusLimits, registers: Registers, bit_rate: int) -> list[Poll]:
+@lru_cache(4096)
+def _polls(limits: ModbusLimits, types: tuple[str, ...], bit_rate: int) -> list[Poll]:
+    """Return the requests to a station with points of these types."""
     serial = SerialLine(bit_rate, limits.character)
     timeout = limits.timeout + limits.processing + serial.frame_time(256)
     return [
         Poll(request, serial, processing=limits.processing, timeout=timeout)
-        for request in registers.requests
+        for request in registers_of(types).requests
     ]

@@ -75,7 +75,7 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
 
 def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
     """Return the numbers of conductors and pairs needed; a common return counts once per signal."""
-    signals, common = draft.iolist.points["signal"].to_numpy(object)[rows], draft.common[rows]
+    signals, common = draft.signals[rows], draft.common[rows]
     own, alone = draft.wires[rows] - common, common == 0
     returns = sum(dict(zip(signals, common.tolist(), strict=True)).values())
     pairs = ((own[alone] + 1) // 2).sum()

@@ -354,16 +354,17 @@ def test_an_as_i_line_without_current_costs_everything_downstream_too():
 
 def test_a_repeater_beside_the_master_fails_with_its_line():
     """The line leaves the master on one side; a repeater at its terminals serves the other."""
-    iolist = IoList.parse("tag,signal,x,y,z\nA,contact,90,0,0\nB,contact,-90,0,0")
+    iolist = IoList.parse("tag,signal,x,y,z\nA,contact,80,0,0\nB,contact,-80,0,0")
     design = plan(iolist, Site((0, 0, 0)), "AS-i")
     devices = design.devices.set_index("device")
     assert devices.query("kind == 'repeater' and at == 'cabinet'").index.tolist() == [
-        "AS-i 1 repeater (2)"
+        "AS-i 1 repeater"
     ]
-    assert lost(design, devices=["AS-i 1 repeater (2)"]) == ("B",)
+    assert "feeder" not in set(design.cables["kind"])  # its supply is in the cabinet too
+    assert lost(design, devices=["AS-i 1 repeater"]) == ("A",)
     assert lost(design, devices=["AS-i 1 supply"]) == ("A", "B")
     shorts = single_failures(design).query("failure == 'short' and kind == 'trunk'")
-    assert shorts["tags"].tolist() == [("A", "B"), ("A",), ("B",), ("B",)]
+    assert shorts["tags"].tolist() == [("A", "B"), ("A",)]
 
 
 def test_two_lines_are_lost_only_if_both_are_cut():
