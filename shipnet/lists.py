@@ -29,6 +29,7 @@ UNITS: Sequence[Mapping[str, int]] = (
     {"a": 0, "ma": -3},
     {"v": 0, "mv": -3},
     {"ohm": 0, "ohms": 0, "kohm": 3, "\u03c9": 0, "k\u03c9": 3},
+    {"h": 0, "mh": -3, "uh": -6, "\u03bch": -6},
     {"byte": 0, "bytes": 0},
     {"bit": 0, "bits": 0},
     {"dec": 0, "hex": 0},
@@ -39,14 +40,15 @@ ALIKE: Mapping[str, Mapping[str, int]] = {unit: units for units in UNITS for uni
 
 #: Units that a title may name, but that are not read.
 _OTHER = frozenset(
-    "km dm ft foot feet in inch inches yd yard yards ns min mins minute minutes h hr hrs hour "
+    "km dm ft foot feet in inch inches yd yard yards ns min mins minute minutes hr hrs hour "
     "hours d day days hz khz mhz".split()
 )
 
 
 def spelled(unit: str) -> str:
     """Return a unit as engineers write it."""
-    return {"ma": "mA", "a": "A", "mv": "mV", "v": "V"}.get(unit, unit)
+    units = {"ma": "mA", "a": "A", "mv": "mV", "v": "V", "h": "H", "mh": "mH", "uh": "uH"}
+    return units.get(unit, unit)
 
 
 def _legal(usual: str) -> str:
