@@ -316,7 +316,8 @@ def test_the_submarine_of_kim2023():
     assert len(plan.lines) == 14
     assert len(plan.segments) == 14 + 5
     # No address is shared, so every line is fast; 13.6 slaves per line need no A/B slave.
-    assert plan.check(wanted_cycle=2.5e-3).ok
+    # 15 transactions, the last a search; seven of them wait for a repeater.
+    assert plan.check(wanted_cycle=2.6e-3).ok and not plan.check(wanted_cycle=2.5e-3).ok
     assert max(segment.reach for segment in plan.segments) == 168
 
 
