@@ -12,7 +12,7 @@ from typing import Literal, get_args
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError
-from shipnet.fields import record, whole
+from shipnet.fields import check_choice, check_whole, record, whole
 
 Kind = Literal["DI", "DO", "AI", "AO"]
 
@@ -104,11 +104,37 @@ ASI_PAIR = 2
 
 
 def hardwired_conductors(points: Mapping[str, int]) -> int:
-    """Count the conductors of hardwired points, given the number of points of each kind."""
-    return sum(
-        int(number) * SIGNALS[kind].conductors + SIGNALS[kind].common * (number > 0)
-        for kind, number in points.items()
-    )
+    """Return the number of conductors to the cabinet if each point is wired separately.
+
+    Parameters
+    ----------
+    points : mapping of str to int
+        Number of points by signal, a key of `SIGNALS`; 0..10**9 each.
+
+    Returns
+    -------
+    int
+        The conductors of all points, and one common return for each signal that has one.
+
+    Raises
+    ------
+    ArgumentError
+        If a signal is unknown or a number is out of range.
+
+    Examples
+    --------
+    Eight contacts with two conductors each, and eight with one conductor and a common return:
+
+    >>> hardwired_conductors({"contact": 8}), hardwired_conductors({"contact_common": 8})
+    (16, 9)
+    """
+    conductors = 0
+    for signal, number in points.items():
+        check_choice("signal", signal, SIGNALS)
+        count = check_whole(f"number of {signal} points", number, 0, 10**9)
+        if count > 0:
+            conductors += count * SIGNALS[signal].conductors + SIGNALS[signal].common
+    return conductors
 
 
 @record(slots=True)
