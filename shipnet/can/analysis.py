@@ -74,35 +74,24 @@ def read_messages(
     checked but not stored.
 
     A message found in a log is named after its identifier, and its ``dlc`` is the largest found.
-    `MessageSet.observed` describes its frames; ``kind`` is one of:
+    `MessageSet.observed` describes its frames. ``kind`` is ``periodic`` if it was sent throughout
+    the log and three quarters of the times between frames are within half a period of the period;
+    ``burst`` if several frames at a time are sent periodically; ``unclear`` if there are fewer than
+    four frames or bursts; else ``event``. ``period_ms`` is the median time per frame, or per burst,
+    between any two, with up to a quarter of the frames lost; ``jitter_ms`` is the range of the
+    deviations from the median of 17 neighbours, so that a drifting clock causes none. ``burst`` is
+    the largest number of frames without a gap longer than the mean or, of events, in a window as
+    long as the shortest period of the set. ``shortest_ms`` is the shortest time between two frames,
+    ``longest_ms`` the longest time without a frame, ``wander_ms`` the largest deviation from the
+    period as `compare` counts it, and ``step_ms`` the step of the time stamps. No deviation shorter
+    than this step can be seen.
 
-    ``periodic``: sent throughout the log, at least three quarters of the times between frames
-    within half a period of the period. ``period_ms`` is the median time per frame between any two
-    frames, with up to a quarter of the frames lost. ``jitter_ms`` is the range of the deviations
-    from the median of 17 neighbours, so that a drifting clock causes none; it includes waits for
-    the bus. As a log cannot tell these waits from jitter, the message has no jitter in an analysis;
-    use `MessageSet.replace` to set one.
-
-    ``burst``: several frames at a time, periodically. ``burst`` is the largest number of frames
-    without a gap longer than the mean, ``shortest_ms`` the shortest time between two frames, and
-    ``period_ms`` and ``jitter_ms`` are those of the first frames.
-
-    ``event``: any other. ``burst`` is the largest number of frames in any window as long as the
-    shortest period of the set, and ``shortest_ms`` is the minimum inter-arrival time.
-
-    ``unclear``: fewer than four frames or bursts; a longer log is required. A single frame has the
-    given `period`, if any.
-
-    In an analysis, the period of a message that is not periodic is the length of the log divided by
-    its number of frames, and its jitter allows a burst with the shortest time between frames. A log
-    does not show deadlines; each is assumed to be the period plus the jitter. ``longest_ms`` is the
-    longest time without a frame, ``wander_ms`` the largest deviation from the period as `compare`
-    counts it, and ``step_ms`` the step of the time stamps. No deviation shorter than this step can
-    be seen; a step longer than the shortest frame (47 us) is named with the results.
-
-    The load of these messages therefore equals that of `Log.load`, except that all possible stuff
-    bits count (up to 23 % more bits), that all frames of a message count as long as its longest,
-    and that a mean between frames may differ by one frame per message and log from the count.
+    In an analysis, a message that is not periodic has as its period the length of the log per frame
+    (a single frame: the given `period`), and as its jitter that of a burst with the shortest time
+    between frames. The jitter of a periodic message includes waits for the bus and does not count;
+    use `MessageSet.replace` to set one. Each deadline is assumed to be period plus jitter. The load
+    equals that of `Log.load`, except that all possible stuff bits count (up to 23 % more), and that
+    all frames of a message are as long as its longest.
 
     Examples
     --------
@@ -116,8 +105,8 @@ def read_messages(
     try:
         is_log = file.suffix.lower() != ".dbc" and log_kind(file) != ""
     except (OSError, ValueError) as problem:
-        said = getattr(problem, "strerror", None) or problem
-        raise InputError(str(file), f"cannot be read: {said}") from None
+        why = getattr(problem, "strerror", None) or problem
+        raise InputError(str(file), f"cannot be read: {why}") from None
     if is_log:
         log = read_log(file)
         try:
