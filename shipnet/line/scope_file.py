@@ -19,8 +19,7 @@ from contextlib import contextmanager
 from numbers import Real
 from os import PathLike
 from pathlib import Path
-from struct import unpack
-from typing import IO, Any, Literal, NamedTuple, TypeVar
+from typing import IO, Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -210,41 +209,16 @@ def _opened(file: str) -> IO[bytes]:
         raise InputError(file, f"cannot be read: {why}") from None
 
 
-def _array(stream: IO[bytes]) -> npt.NDArray[Any]:
-    """Read an array without running code that it may contain."""
-    return np.lib.format.read_array(stream, allow_pickle=False)
-
-
-def _mapped(stream: IO[bytes], begin: int) -> npt.NDArray[Any]:
-    """Return the array that starts at byte `begin` of a file, memory-mapped instead of read."""
-    stream.seek(begin)
-    header = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }[np.lib.format.read_magic(stream)]
-    shape, fortran, dtype = header(stream)
-    order: Literal["F", "C"] = "F" if fortran else "C"
-    return np.memmap(stream, dtype, "r", stream.tell(), shape, order)
-
-
-def _member(archive: zipfile.ZipFile, stream: IO[bytes], name: str) -> npt.NDArray[Any]:
-    """Read an array from an archive, or memory-map it if it is large and not compressed."""
-    entry = archive.getinfo(name)
-    if entry.compress_type == zipfile.ZIP_STORED and entry.file_size > MAPPED:
-        # A header of 30 bytes, the name and the extra field precede the array.
-        stream.seek(entry.header_offset + 26)
-        return _mapped(stream, entry.header_offset + 30 + sum(unpack("<HH", stream.read(4))))
-    with archive.open(name) as part:
-        return _array(part)
-
-
 def _members(
     file: str, stream: IO[bytes], archive: zipfile.ZipFile, names: dict[str, str]
 ) -> dict[str, npt.NDArray[Any]]:
     """Read arrays from an archive; raise InputError if they would unpack to too many numbers."""
     # Check before reading, assuming eight bytes per number; a number may have as few as one.
     _check_size(file, stream, sum(archive.getinfo(name).file_size for name in names.values()) / 8)
-    held = {key: _member(archive, stream, name) for key, name in names.items()}
+    held = {}
+    for key, name in names.items():
+        with archive.open(name) as part:
+            held[key] = np.lib.format.read_array(part, allow_pickle=False)
     _check_size(file, stream, sum(array.size for array in held.values()))
     return held
 
@@ -274,7 +248,10 @@ def _rounding(times: npt.NDArray[Any]) -> float:
 
 
 def _read_npy(file: str, stream: IO[bytes]) -> _Channels:
-    array = _mapped(stream, 0) if _size(stream) > MAPPED else _array(stream)
+    if _size(stream) > MAPPED:
+        array = np.load(file, mmap_mode="r")
+    else:
+        array = np.lib.format.read_array(stream, allow_pickle=False)
     values = _check_real(file, "the array", array)
     if values.ndim == 1:
         one = _columns_of(values[:, np.newaxis])
