@@ -438,12 +438,3 @@ def test_the_log_of_a_capture_is_compared_and_measured(boat):
     assert len(boat.log.messages()) == 9
     # A second capture of the same bus is compared with the first.
     assert set(can.compare(boat.log.messages(), read_capture(SNIPPET).log).table()["frames"]) != {0}
-
-
-def test_the_drawing_has_a_row_per_message_and_one_for_faults(save):
-    frames = some_frames(5, 2)
-    levels = levels_of(frames, 8)[:-700]
-    ax = read_capture(save(session(levels, "1 MHz")), 125e3).plot()
-    labels = [label.get_text() for label in ax.get_yticklabels()]
-    assert labels[-1] == "faults"
-    assert len(ax.collections) == len(labels) - 1 == 4

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError
 from shipnet.line import CABLES, Cable, CableRun, Load, Network, Waveform
@@ -462,26 +461,6 @@ def test_the_nominal_cables_differ_in_resistance_only():
         assert (cable.l, cable.c) == (CABLE.l, CABLE.c)
         assert cable.resistance * 100 == pytest.approx(dc)
         assert cable.r / cable.resistance == pytest.approx(0.06 / 0.027, rel=0.02)
-
-
-def test_a_network_is_drawn_to_scale():
-    network = ring()
-    network.line("q", "stub", 10, CABLE)
-    network.load("stub", **DEVICE)
-    ax = Figure().subplots()
-    assert network.plot(ax) is ax
-    assert {text.get_text() for text in ax.texts} == set(network.nodes)
-    assert max(max(line.get_xdata()) for line in ax.lines) == 90
-    assert [line.get_linestyle() for line in ax.lines].count("--") == 1
-    assert ax.get_xlabel() == "distance along the cable [m]"
-
-
-def test_a_waveform_is_drawn_in_microseconds():
-    ax = Figure().subplots()
-    assert Waveform([0, 2.5], 1e-6, names=("far",)).plot(ax) is ax
-    (line,) = ax.lines
-    assert (line.get_xdata().tolist(), line.get_label()) == ([0, 1], "far")
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time [us]", "voltage [V]")
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz"])
