@@ -55,13 +55,13 @@ SIGNALS: Mapping[str, Signal] = {
 @cache
 def spellings(of: str) -> Mapping[str, tuple[tuple[str, str], ...]]:
     """Return the words that lists use for columns, types or signals, with their meanings."""
-    known = {"signal": SIGNALS, "type": KINDS}.get(of, ())
-    found: dict[str, dict[str, str]] = {plain(name): {name: name} for name in known}
+    names = {"signal": SIGNALS, "type": KINDS}.get(of, ())
+    words: dict[str, dict[str, str]] = {plain(name): {name: name} for name in names}
     with datasets.path("iolist_words.csv").open(newline="", encoding="utf-8") as stream:
         for row in csv.DictReader(stream):
             if row["of"] == of:
-                found.setdefault(plain(row["word"]), {}).setdefault(row["means"], row["word"])
-    return {word: tuple(means.items()) for word, means in found.items()}
+                words.setdefault(plain(row["word"]), {}).setdefault(row["means"], row["word"])
+    return {word: tuple(means.items()) for word, means in words.items()}
 
 
 def plain(text: str) -> str:
@@ -76,27 +76,29 @@ def meanings(text: str) -> tuple[str, ...]:
 
 def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str:
     """Return the signal that a word in a list means."""
-    found = meanings(text)
-    if len(found) > 1:
+    candidates = meanings(text)
+    if len(candidates) > 1:
         if kind in KINDS:
-            found = tuple(name for name in found if SIGNALS[name].kind == kind)
-        if conductors is not None and len(found) > 1:
-            found = tuple(name for name in found if SIGNALS[name].conductors == conductors)
-        if len(found) != 1:
-            either = " or ".join(found or meanings(text))
+            candidates = tuple(name for name in candidates if SIGNALS[name].kind == kind)
+        if conductors is not None and len(candidates) > 1:
+            candidates = tuple(
+                name for name in candidates if SIGNALS[name].conductors == conductors
+            )
+        if len(candidates) != 1:
+            either = " or ".join(candidates or meanings(text))
             raise ArgumentError(
                 f"signal is {text!r}; it may be {either}: name one, or give the conductors"
             )
-    if not found:
-        known = spellings("signal")
-        near = get_close_matches(plain(text), known, n=1)
+    if not candidates:
+        words = spellings("signal")
+        near = get_close_matches(plain(text), words, n=1)
         legal = (
-            f"the nearest known is {known[near[0]][0][1]!r}"
+            f"the nearest known is {words[near[0]][0][1]!r}"
             if near
             else f"known signals are {', '.join(SIGNALS)}"
         )
         raise ArgumentError(f"signal is {text!r}; {legal}")
-    return found[0]
+    return candidates[0]
 
 
 #: Number of conductors of an AS-i line, which carry both data and power.

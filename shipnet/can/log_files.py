@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.can.log import Log, impossible
-from shipnet.can.messages import said
+from shipnet.can.messages import one_line
 from shipnet.errors import InputError, load_extra
 
 _ROWS = 1 << 16  #: Number of rows kept as Python objects; more rows are packed into an array.
@@ -48,17 +48,17 @@ class _Row(NamedTuple):
     kind: str = ""
 
 
-#: Columns of a log, and the place of each frame in the file.
+#: Columns of a log, and the position of each frame in the file.
 _COLUMNS = np.dtype(
     [
         ("time", float), ("channel", object), ("arbitration_id", np.int64), ("extended", bool),
-        ("remote", bool), ("dlc", np.uint8), ("data", "S8"), ("place", np.int64),
+        ("remote", bool), ("dlc", np.uint8), ("data", "S8"), ("position", np.int64),
     ]
 )  # fmt: skip
 
 
 class _Records:
-    """The records read from a file so far; a place is a line or frame number, as `unit` says."""
+    """The records read from a file so far; a position is a line or frame number, as `unit` says."""
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
@@ -68,14 +68,14 @@ class _Records:
         self.faults: list[tuple[int, str]] = []
         self.more = 0
 
-    def fault(self, place: int, why: str, where: str = "") -> None:
-        """Record a fault at a place."""
+    def fault(self, position: int, why: str, where: str = "") -> None:
+        """Record a fault at a position."""
         if len(self.faults) < _FAULTS:
-            self.faults.append((place, f"{where or f'{self.unit} {place}'}: {why}"))
+            self.faults.append((position, f"{where or f'{self.unit} {position}'}: {why}"))
         else:
             self.more += 1
 
-    def add(self, place: int, row: _Row) -> None:
+    def add(self, position: int, row: _Row) -> None:
         """Add a row to the frames, to the skipped records or, if it is illegal, to the faults."""
         time = nan if row.time is None else row.time
         if row.kind:
@@ -84,9 +84,9 @@ class _Records:
         checked = 0.0 if row.time is None else time
         why = impossible(checked, row.number, row.extended, row.dlc, row.remote, len(row.data))
         if why:
-            self.fault(place, why)
+            self.fault(position, why)
             return
-        self.rows.append((time, *row[1:7], place))
+        self.rows.append((time, *row[1:7], position))
         if len(self.rows) == _ROWS:
             self.pack()
 
@@ -107,8 +107,8 @@ class _Records:
             bad[on_channel[_out_of_order(time[on_channel])]] = True
         for at in np.flatnonzero(bad):
             why = f"the time {time[at]} s is out of order on {channel[at]}"
-            place = int(frames["place"][at])
-            self.fault(place, "it has no time, but others do" if without[at] else why)
+            position = int(frames["position"][at])
+            self.fault(position, "it has no time, but others do" if without[at] else why)
         frames, channel = frames[~bad], channel[~bad]
         data = np.ascontiguousarray(frames["data"]).view(np.uint8).reshape(-1, 8)
         log = Log(
@@ -127,15 +127,15 @@ def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     ends: list[int] = []
     before = np.full(len(time), -1)
     # The search runs backwards so that, of two equally long sequences, the earlier one is kept.
-    for place, now in enumerate((-time[::-1]).tolist()):
+    for position, now in enumerate((-time[::-1]).tolist()):
         length = bisect_right(lasts, now)
-        before[place] = ends[length - 1] if length else -1
-        lasts[length:length + 1], ends[length:length + 1] = [now], [place]  # fmt: skip
+        before[position] = ends[length - 1] if length else -1
+        lasts[length:length + 1], ends[length:length + 1] = [now], [position]  # fmt: skip
     kept = np.zeros(len(time), dtype=bool)
-    place = ends[-1]
-    while place >= 0:
-        kept[place] = True
-        place = int(before[place])
+    position = ends[-1]
+    while position >= 0:
+        kept[position] = True
+        position = int(before[position])
     return np.flatnonzero(~kept[::-1])
 
 
@@ -261,8 +261,8 @@ def _read_text(file: Path) -> _Records:
     records = _Records("line")
     parse: Callable[[str], _Row] = _candump
     with open(file, "rb") as stream:
-        for place, line in enumerate(stream, start=1):
-            text = line.decode("utf-8-sig" if place == 1 else "utf-8", "replace")
+        for position, line in enumerate(stream, start=1):
+            text = line.decode("utf-8-sig" if position == 1 else "utf-8", "replace")
             if _COMMENT.match(text):
                 continue
             if table := _table(text):
@@ -271,9 +271,9 @@ def _read_text(file: Path) -> _Records:
             if parse is _candump and _RAW.match(text):
                 parse = _raw_parser()
             try:
-                records.add(place, parse(text))
+                records.add(position, parse(text))
             except (ValueError, KeyError) as problem:
-                records.fault(place, str(problem))
+                records.fault(position, str(problem))
     return records
 
 
@@ -455,16 +455,16 @@ def _read_foreign(kind: str, file: Path) -> _Records:
     can = load_extra("can", "python-can")
     records, asc = _Records("line"), kind == "asc"
 
-    def unused(place: int, text: str) -> None:
+    def unused(position: int, text: str) -> None:
         words = set(text.split()[:6])
         if asc and _ASC_FRAME.match(text):
-            records.fault(place, f"{_shown(text)} is not an ASC frame")
+            records.fault(position, f"{_shown(text)} is not an ASC frame")
         elif asc or text[0] == ";" or words & _TRC_OTHERS:
             return
         elif words & _TRC_ERRORS:
             records.skipped.append((nan, "bus", _ERROR))
         else:
-            records.fault(place, f"{_shown(text)} is not a TRC frame")
+            records.fault(position, f"{_shown(text)} is not a TRC frame")
 
     with open(file, "rb") as binary:
         stream = _Lines(binary, asc, unused)
@@ -477,7 +477,7 @@ def _read_foreign(kind: str, file: Path) -> _Records:
                 break
             # A reader may raise any exception, after which its iterator cannot continue.
             except Exception as problem:
-                records.fault(stream.line, said(problem))
+                records.fault(stream.line, one_line(problem))
                 if stream.ended:
                     break
                 stream.text, stream.in_body = "", False
@@ -545,11 +545,11 @@ def _read_blf(file: Path) -> _Records:
                     records.add(count, _object_row(part_kind, part, begin))
                 except StructError:
                     records.fault(count, f"a frame object of {len(part)} bytes cannot be decoded")
-        tail = inner[parts.place :]
+        tail = inner[parts.position :]
         if left <= 0:
             fault(f"the containers unpack to more than {_RATIO} times the file size")
             break
-    if tail or objects.place < len(data):
+    if tail or objects.position < len(data):
         fault("the end of the file is cut off")
     return records
 
@@ -578,36 +578,38 @@ def _object_row(kind: int, part: bytes, begin: float) -> _Row:
 
 
 class _Objects:
-    """Iterator over the types and bytes of BLF objects; the next search starts at `place`."""
+    """Iterator over the types and bytes of BLF objects; the next search starts at `position`."""
 
-    def __init__(self, data: bytes, place: int, most: int, fault: Callable[[str], None]) -> None:
-        self.data, self.place, self.most, self.fault = data, place, most, fault
+    def __init__(self, data: bytes, position: int, most: int, fault: Callable[[str], None]) -> None:
+        self.data, self.position, self.most, self.fault = data, position, most, fault
 
     def __iter__(self) -> Iterator[tuple[int, bytes]]:
         data = self.data
         while True:
             # Objects are padded to a multiple of four bytes.
-            at = data.find(b"LOBJ", self.place, self.place + 8)
+            at = data.find(b"LOBJ", self.position, self.position + 8)
             if at < 0:
-                if len(data) - self.place < 8:
-                    self.place = len(data) if not data[self.place :].strip(b"\0") else self.place
+                if len(data) - self.position < 8:
+                    self.position = (
+                        len(data) if not data[self.position :].strip(b"\0") else self.position
+                    )
                     return
                 self.fault("no object begins here")
-                at = data.find(b"LOBJ", self.place)
+                at = data.find(b"LOBJ", self.position)
                 if at < 0:
-                    self.place = len(data)
+                    self.position = len(data)
                     return
-            self.place = at
+            self.position = at
             if at + 16 > len(data):
                 return
             size, kind = unpack_from("<2I", data, at + 8)
             if not 16 <= size <= self.most:
                 self.fault(f"an object has an illegal length of {size} bytes")
-                self.place = at + 4
+                self.position = at + 4
                 continue
             if at + size > len(data):
                 return
-            self.place = at + size
+            self.position = at + size
             yield kind, data[at : at + size]
 
 

@@ -233,7 +233,7 @@ class Signals:
 
     def __repr__(self) -> str:
         nodes, wrong = self.segment.nodes, len(self.wrong)
-        said = (
+        outcome = (
             f"{wrong} of {nodes} nodes read wrong bits" if wrong else f"{nodes} nodes read all bits"
         )
-        return f"Signals({len(self.sent)} bits at {self.bit_rate / 1e3:g} kbit/s, {said})"
+        return f"Signals({len(self.sent)} bits at {self.bit_rate / 1e3:g} kbit/s, {outcome})"

@@ -169,5 +169,5 @@ def record_of(
 ) -> Floats:
     """Return the waveforms of a Laplace transform from t = 0, without wrap-around."""
     window = ceil(_WINDOW * n_samples)
-    found = spectrum(laplace_grid(window * dt, f_max, _DAMPING))
-    return synthesize(found, window, window * dt, _DAMPING)[..., :n_samples]
+    transform = spectrum(laplace_grid(window * dt, f_max, _DAMPING))
+    return synthesize(transform, window, window * dt, _DAMPING)[..., :n_samples]
