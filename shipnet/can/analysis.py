@@ -270,6 +270,8 @@ def analyse(
 
 def _messages(source: MessageSet | Log | str | PathLike[str], period: float | None) -> MessageSet:
     """Return the messages of a set, a log or a file."""
+    if period is not None:
+        check_scalar("period", period, "s", 1e-6, 1e5)
     if isinstance(source, str | PathLike):
         return read_messages(source, period=period)
     return source.messages(period=period) if isinstance(source, Log) else source
