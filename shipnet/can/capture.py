@@ -121,9 +121,16 @@ def read_rows(line: Bytes, length: Integers) -> _Rows:
         kind = AcknowledgeError if level == "0" else FormError
         note(kind, seen != int(level), tail + step)
     return _Rows(
-        error, np.where(error > 0, first, -1), number, extended, remote, dlc.astype(np.uint8),
-        data.T, tail, tail - check - CRC_BITS,
-    )  # fmt: skip
+        error,
+        np.where(error > 0, first, -1),
+        number,
+        extended,
+        remote,
+        dlc.astype(np.uint8),
+        data.T,
+        tail,
+        tail - check - CRC_BITS,
+    )
 
 
 class _Line:
@@ -427,13 +434,18 @@ def read_capture(
     wrong = np.flatnonzero(~fine)[:_FAULTS]
     kinds = {kind.code: (kind.__doc__ or "").rstrip(".") for kind in FrameError.__subclasses__()}
     log = Log(
-        end[fine], np.full(int(fine.sum()), "can0"), rows.number[fine], rows.extended[fine],
-        rows.remote[fine], rows.dlc[fine], rows.data[fine],
+        end[fine],
+        np.full(int(fine.sum()), "can0"),
+        rows.number[fine],
+        rows.extended[fine],
+        rows.remote[fine],
+        rows.dlc[fine],
+        rows.data[fine],
         faults=tuple(
             f"frame at {start[k]:.6f} s, bit {rows.place[k]}: {kinds[int(rows.error[k])]}"
             for k in wrong
         ),
-    )  # fmt: skip
+    )
     readable = fine | (rows.place >= rows.tail)
     text = rows.data.tobytes().hex(" ", 8).split() if len(fine) else []
     size = np.where(rows.remote, 0, np.minimum(rows.dlc, 8))

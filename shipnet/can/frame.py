@@ -37,9 +37,16 @@ TAIL = (("CRC delimiter", "1"), ("ACK slot", "0"), ("ACK delimiter", "1"), ("EOF
 # "x" marks bits that a transmitter chooses; reserved bits are dominant.
 _BASE = {"SOF": "0", "base identifier": "x" * 11, "RTR": "x", "IDE": "0", "r0": "0", "DLC": "xxxx"}
 _EXTENDED = {
-    "SOF": "0", "base identifier": "x" * 11, "SRR": "1", "IDE": "1",
-    "identifier extension": "x" * 18, "RTR": "x", "r1": "0", "r0": "0", "DLC": "xxxx",
-}  # fmt: skip
+    "SOF": "0",
+    "base identifier": "x" * 11,
+    "SRR": "1",
+    "IDE": "1",
+    "identifier extension": "x" * 18,
+    "RTR": "x",
+    "r1": "0",
+    "r0": "0",
+    "DLC": "xxxx",
+}
 
 HEADS = (_BASE, _EXTENDED)  #: The fields before the data, without and with an extended identifier.
 

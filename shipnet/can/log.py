@@ -23,9 +23,14 @@ from shipnet.tables import save_suffix
 
 #: Legal kinds of numpy dtype for each column of a log.
 _KINDS = {
-    "time": "fiu", "channel": "U", "arbitration_id": "iu", "extended": "b", "remote": "b",
-    "dlc": "iu", "data": "iu",
-}  # fmt: skip
+    "time": "fiu",
+    "channel": "U",
+    "arbitration_id": "iu",
+    "extended": "b",
+    "remote": "b",
+    "dlc": "iu",
+    "data": "iu",
+}
 
 
 _SHORTEST = 47e-6  #: Duration of the shortest frame at 1 Mbit/s [s].

@@ -51,10 +51,16 @@ class _Row(NamedTuple):
 #: Columns of a log, and the position of each frame in the file.
 _COLUMNS = np.dtype(
     [
-        ("time", float), ("channel", object), ("arbitration_id", np.int64), ("extended", bool),
-        ("remote", bool), ("dlc", np.uint8), ("data", "S8"), ("position", np.int64),
+        ("time", float),
+        ("channel", object),
+        ("arbitration_id", np.int64),
+        ("extended", bool),
+        ("remote", bool),
+        ("dlc", np.uint8),
+        ("data", "S8"),
+        ("position", np.int64),
     ]
-)  # fmt: skip
+)
 
 
 class _Records:
@@ -112,9 +118,16 @@ class _Records:
         frames, channel = frames[~bad], channel[~bad]
         data = np.ascontiguousarray(frames["data"]).view(np.uint8).reshape(-1, 8)
         log = Log(
-            frames["time"], channel, frames["arbitration_id"], frames["extended"], frames["remote"],
-            frames["dlc"], data, tuple(why for _, why in sorted(self.faults)), tuple(self.skipped),
-        )  # fmt: skip
+            frames["time"],
+            channel,
+            frames["arbitration_id"],
+            frames["extended"],
+            frames["remote"],
+            frames["dlc"],
+            data,
+            tuple(why for _, why in sorted(self.faults)),
+            tuple(self.skipped),
+        )
         return log, self.more
 
 
@@ -130,7 +143,7 @@ def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     for position, now in enumerate((-time[::-1]).tolist()):
         length = bisect_right(lasts, now)
         before[position] = ends[length - 1] if length else -1
-        lasts[length:length + 1], ends[length:length + 1] = [now], [position]  # fmt: skip
+        lasts[length : length + 1], ends[length : length + 1] = [now], [position]
     kept = np.zeros(len(time), dtype=bool)
     position = ends[-1]
     while position >= 0:
@@ -205,10 +218,11 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
 _SIGNS = {
     "asc": re.compile(
         r"(date\s+\w+\s|base\s+(hex|dec)\b|begin\s+triggerblock|"
-        r"\d+\.\d+\s+(CANFD|\d+\s+(ErrorFrame|[0-9a-f]+x?\s+[TR]x))\b)", re.I
+        r"\d+\.\d+\s+(CANFD|\d+\s+(ErrorFrame|[0-9a-f]+x?\s+[TR]x))\b)",
+        re.I,
     ),
     "trc": re.compile(r";\$|\d+\)\s+\d"),
-}  # fmt: skip
+}
 
 
 def log_kind(file: Path) -> str:
@@ -495,9 +509,15 @@ def _row(message: Any, dlc: int) -> _Row:
     kind = _ERROR if message.is_error_frame else _FD if message.is_fd else ""
     channel = "bus" if message.channel is None else str(message.channel)
     return _Row(
-        message.timestamp, channel, message.arbitration_id, message.is_extended_id,
-        message.is_remote_frame, dlc, bytes(message.data), kind,
-    )  # fmt: skip
+        message.timestamp,
+        channel,
+        message.arbitration_id,
+        message.is_extended_id,
+        message.is_remote_frame,
+        dlc,
+        bytes(message.data),
+        kind,
+    )
 
 
 #: Types of BLF objects: containers, all frames, error frames, and two forms of CAN FD frames.
@@ -572,9 +592,15 @@ def _object_row(kind: int, part: bytes, begin: float) -> _Row:
         channel, flags, dlc, number, data = unpack_from("<HBBI8s", part, body)
         size, remote = dlc, flags & 0x80
     return _Row(
-        time, str(channel - 1), number & 0x1FFFFFFF, number >> 31 == 1, bool(remote), dlc,
-        b"" if remote else data[:size], _ERROR if kind == _ERRORS else _FD if fd else "",
-    )  # fmt: skip
+        time,
+        str(channel - 1),
+        number & 0x1FFFFFFF,
+        number >> 31 == 1,
+        bool(remote),
+        dlc,
+        b"" if remote else data[:size],
+        _ERROR if kind == _ERRORS else _FD if fd else "",
+    )
 
 
 class _Objects:

@@ -62,28 +62,43 @@ class Message:
 
     name: str = text("Name; printable text", most=1000)
     arbitration_id: int = whole(
-        0, 2**29 - 1, "",
+        0,
+        2**29 - 1,
+        "",
         "Identifier, up to 0x7FF unless `extended`; the lowest has the highest priority",
-    )  # fmt: skip
+    )
     dlc: int = whole(0, 8, "", "Number of data bytes")
     period: float = number(1e-6, 1e5, "s", "Shortest time between two events that trigger it")
     deadline: float = number(
-        1e-6, 1e5, "s", "Longest allowed time from the event to the end of the frame; the "
-        "period by default. It may exceed the period", default=None, optional=True,
-    )  # fmt: skip
+        1e-6,
+        1e5,
+        "s",
+        "Longest allowed time from the event to the end of the frame; the "
+        "period by default. It may exceed the period",
+        default=None,
+        optional=True,
+    )
     jitter: float = number(
         0, 1e5, "s", "Longest time from the event until the message is queued", default=0.0
     )
     offset: float = number(
-        0, 1e5, "s", "Time of the first event in a simulation; the analysis ignores it by "
-        "default, because nodes do not share a clock", default=0.0,
-    )  # fmt: skip
+        0,
+        1e5,
+        "s",
+        "Time of the first event in a simulation; the analysis ignores it by "
+        "default, because nodes do not share a clock",
+        default=0.0,
+    )
     extended: bool = switch("Whether the identifier has 29 bits", default=False)
     sender: str = text("Node that sends the message", default="", most=1000)
     bits: int | None = whole(
-        47, 160, "bit", "Length of the frame with intermission, if not calculated from `dlc`",
-        default=None, optional=True,
-    )  # fmt: skip
+        47,
+        160,
+        "bit",
+        "Length of the frame with intermission, if not calculated from `dlc`",
+        default=None,
+        optional=True,
+    )
 
     def __post_init__(self) -> None:
         for field, value in (("name", self.name), ("sender", self.sender)):
@@ -145,7 +160,7 @@ _TITLES = {
     "note": "notes remark remarks comment comments description no nr item pos receiver receivers "
     "receivingnode rx rxnode direction dir signal signals content contents system type sendtype "
     "messagetype bus channel network priority prio pgn revision rev status",
-}  # fmt: skip
+}
 _SYNONYMS = {other: column for column, others in _TITLES.items() for other in others.split()}
 
 #: Pattern of a title with its unit, and the power of ten that converts each unit to ms. The pattern
@@ -353,12 +368,16 @@ class MessageSet(Named[Message]):
     def _rows(self) -> list[tuple[object, ...]]:
         return [
             (
-                message.name, message.hex_id, message.dlc,
+                message.name,
+                message.hex_id,
+                message.dlc,
                 *(_milliseconds(getattr(message, time)) for time in TIMES),
-                "yes" if message.extended else "no", message.sender, message.bits,
+                "yes" if message.extended else "no",
+                message.sender,
+                message.bits,
             )
             for message in self
-        ]  # fmt: skip
+        ]
 
 
 def counted(names: Sequence[str]) -> str:
@@ -526,10 +545,14 @@ def parse_dbc(
                     "frames of a fast packet or transport protocol in a CSV file"
                 )
             message = Message(
-                entry.name, entry.frame_id, entry.length, _cycle_time(entry.cycle_time, period),
+                entry.name,
+                entry.frame_id,
+                entry.length,
+                _cycle_time(entry.cycle_time, period),
                 # cantools omits Vector__XXX, which marks a message without a sender.
-                extended=entry.is_extended_frame, sender=entry.senders[0] if entry.senders else "",
-            )  # fmt: skip
+                extended=entry.is_extended_frame,
+                sender=entry.senders[0] if entry.senders else "",
+            )
         except ArgumentError as fault:
             faults.append(f"{where}{'' if str(fault).startswith('has ') else ':'} {fault}")
         else:

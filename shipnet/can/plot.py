@@ -50,16 +50,24 @@ def plot_fields(
         is_stuff = index in stuffed
         ax.add_patch(
             Rectangle(
-                (x, -row * _PITCH), 1, 1,
+                (x, -row * _PITCH),
+                1,
+                1,
                 facecolor=style.FIELD["pause" if is_stuff else colour],
-                edgecolor="0.6", linewidth=0.4, hatch="////" if is_stuff else None,
+                edgecolor="0.6",
+                linewidth=0.4,
+                hatch="////" if is_stuff else None,
             )
-        )  # fmt: skip
+        )
         ax.text(
-            x + 0.5, 0.47 - row * _PITCH, bit, ha="center", va="center",
+            x + 0.5,
+            0.47 - row * _PITCH,
+            bit,
+            ha="center",
+            va="center",
             family="monospace",
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4} if is_stuff else None,
-        )  # fmt: skip
+        )
     for name, start, length in fields:
         _outline(ax, name, start, length, width)
     rows = -(-len(bits) // width)
@@ -94,9 +102,13 @@ def _outline(ax: Axes, name: str, start: int, length: int, width: int) -> None:
     begin, size = max(pieces, key=lambda piece: piece[1])
     row, x = divmod(begin, width)
     ax.text(
-        x + size / 2, -0.12 - row * _PITCH, _SHORT.get(name, name), ha="center", va="top",
+        x + size / 2,
+        -0.12 - row * _PITCH,
+        _SHORT.get(name, name),
+        ha="center",
+        va="top",
         rotation=90 if size < _NARROW else 0,
-    )  # fmt: skip
+    )
 
 
 def plot_contest(
@@ -119,10 +131,15 @@ def plot_contest(
         if end == stopped:
             ax.add_patch(
                 Rectangle(
-                    (stopped, row - 0.34), 1, 0.68,
-                    facecolor="none", edgecolor=style.LIMIT["color"], linewidth=2, zorder=3,
+                    (stopped, row - 0.34),
+                    1,
+                    0.68,
+                    facecolor="none",
+                    edgecolor=style.LIMIT["color"],
+                    linewidth=2,
+                    zorder=3,
                 )
-            )  # fmt: skip
+            )
             ax.hlines(row, stopped + 1, last + 1, color="0.5", linestyle=":", linewidth=1.2)
     (winner,) = (stuffed for _, _, stuffed, stopped in senders if stopped is None)
     _bits(ax, bus[: last + 1], winner, rows + 0.35)
@@ -147,15 +164,25 @@ def _bits(ax: Axes, bits: str, stuffed: set[int], row: float) -> None:
         recessive_colour = "white" if is_stuff else style.FIELD["address"]
         ax.add_patch(
             Rectangle(
-                (index, row - 0.34), 1, 0.68,
+                (index, row - 0.34),
+                1,
+                0.68,
                 facecolor="#2b6ca3" if dominant else recessive_colour,
                 edgecolor="0.75" if dominant and is_stuff else "0.5",
-                linewidth=0.6, hatch="////" if is_stuff else None,
+                linewidth=0.6,
+                hatch="////" if is_stuff else None,
             )
-        )  # fmt: skip
+        )
         ax.text(
-            index + 0.5, row, bit, ha="center", va="center", family="monospace",
-            color="white" if dominant else "black", zorder=4,
+            index + 0.5,
+            row,
+            bit,
+            ha="center",
+            va="center",
+            family="monospace",
+            color="white" if dominant else "black",
+            zorder=4,
             bbox={"facecolor": "#2b6ca3" if dominant else "white", "edgecolor": "none", "pad": 0.6}
-            if is_stuff else None,
-        )  # fmt: skip
+            if is_stuff
+            else None,
+        )

@@ -47,12 +47,15 @@ class Assumptions:
 
     stuffing: Literal["none", "attainable", "worst"] = choice(
         ("none", "attainable", "worst"),
-        "Which stuff bits count, as in `frame_length`", default="worst",
-    )  # fmt: skip
+        "Which stuff bits count, as in `frame_length`",
+        default="worst",
+    )
     intermission: Literal["everywhere", "between"] = choice(
-        ("everywhere", "between"), "Whether the 3 bits of intermission also count after the "
-        "message's own frame, or only between frames", default="everywhere",
-    )  # fmt: skip
+        ("everywhere", "between"),
+        "Whether the 3 bits of intermission also count after the "
+        "message's own frame, or only between frames",
+        default="everywhere",
+    )
     own_jitter: bool = switch(
         "Whether response times start at the event, not when the message is queued", default=True
     )
@@ -71,9 +74,18 @@ Found: TypeAlias = tuple[Sequence[int], Sequence[float], Sequence[int], Sequence
 
 @compiled
 def wait(
-    w: int, m: int, q: int, B: int, C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
-    burst: int, interval: int, E: int,
-) -> int:  # fmt: skip
+    w: int,
+    m: int,
+    q: int,
+    B: int,
+    C: Sequence[int],
+    T: Sequence[int],
+    J: Sequence[int],
+    tau: int,
+    burst: int,
+    interval: int,
+    E: int,
+) -> int:
     """Return how long instance q of message m waits until its frame starts; at least the given w.
 
     B is the blocking, tau the bit time, and E the time that an error costs. C, T and J are the
@@ -92,9 +104,17 @@ def wait(
 
 @compiled
 def instances(
-    t: int, m: int, C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
-    burst: int, interval: int, error: int, most: int,
-) -> tuple[int, int, list[int]]:  # fmt: skip
+    t: int,
+    m: int,
+    C: Sequence[int],
+    T: Sequence[int],
+    J: Sequence[int],
+    tau: int,
+    burst: int,
+    interval: int,
+    error: int,
+    most: int,
+) -> tuple[int, int, list[int]]:
     """Return message m's blocking B, busy period t, and response time R of each instance.
 
     The recurrences for t and w are from Davis, Burns, Bril, Lukkien 2007; the errors, first a burst
@@ -135,9 +155,15 @@ def instances(
 
 @compiled
 def all_instances(
-    C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
-    burst: int, interval: int, error: int, most: int,
-) -> tuple[list[int], list[int], list[int], list[int]]:  # fmt: skip
+    C: Sequence[int],
+    T: Sequence[int],
+    J: Sequence[int],
+    tau: int,
+    burst: int,
+    interval: int,
+    error: int,
+    most: int,
+) -> tuple[list[int], list[int], list[int], list[int]]:
     """Return B and t of each message, the R of all, and where each message's R end."""
     blocking: list[int] = []
     busy: list[int] = []
@@ -225,10 +251,18 @@ def on_bus(
         extra = [spared - jitter for spared, jitter in zip(extra, jitters, strict=True)]
     interval = NEVER**2 if never else interval // unit * ticks
     return Bus(
-        steps if fast else 0, second, column(length.astype(np.int64), bit), periods, jitters,
-        deadlines, extra, bit, errors.burst, min(interval, NEVER) if fast else interval,
+        steps if fast else 0,
+        second,
+        column(length.astype(np.int64), bit),
+        periods,
+        jitters,
+        deadlines,
+        extra,
+        bit,
+        errors.burst,
+        min(interval, NEVER) if fast else interval,
         errors.bits * bit,
-    )  # fmt: skip
+    )
 
 
 class ResponseTime(NamedTuple):
@@ -286,9 +320,15 @@ class ResponseTimes(Named[ResponseTime]):
         (blocking, busy, R, ends), second = self._found, self._bus.second
         items, first = [], 0
         for message, frame, deadline, extra, B, t, end in zip(
-            self._messages, self._bus.C, self._bus.D, self._bus.extra, blocking, busy, ends,
+            self._messages,
+            self._bus.C,
+            self._bus.D,
+            self._bus.extra,
+            blocking,
+            busy,
+            ends,
             strict=True,
-        ):  # fmt: skip
+        ):
             responses: Sequence[float] = R[first:end] or [math.inf]
             longest, first = max(responses) + extra, end
             items.append(
@@ -371,9 +411,15 @@ class ResponseTimes(Named[ResponseTime]):
                 ax.plot(response[which], y[which], look, label=f"response, {label}")
         if len(table):
             ax.plot(
-                deadline, y, linestyle="none", marker="|", markersize=14, markeredgewidth=2.5,
-                color=red, label="deadline",
-            )  # fmt: skip
+                deadline,
+                y,
+                linestyle="none",
+                marker="|",
+                markersize=14,
+                markeredgewidth=2.5,
+                color=red,
+                label="deadline",
+            )
             style.legend(ax)
         for row in y[~finite]:
             ax.text(right, float(row), "no bound", ha="right", va="bottom")

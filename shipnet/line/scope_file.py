@@ -71,10 +71,21 @@ _RATE = re.compile(r"(sampl\w*\s+(rate|frequency|freq)|samplerate|fs)\b")
 #: Prefixes of units. Scopes show neither megavolts nor megaseconds, so case does not matter.
 _PREFIX = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3}
 _BASE = {
-    "s": "s", "sec": "s", "second": "s", "seconds": "s",
-    "v": "V", "volt": "V", "volts": "V",
-    "a": "A", "amp": "A", "ampere": "A", "w": "W", "watt": "W", "hz": "Hz", "db": "dB",
-}  # fmt: skip
+    "s": "s",
+    "sec": "s",
+    "second": "s",
+    "seconds": "s",
+    "v": "V",
+    "volt": "V",
+    "volts": "V",
+    "a": "A",
+    "amp": "A",
+    "ampere": "A",
+    "w": "W",
+    "watt": "W",
+    "hz": "Hz",
+    "db": "dB",
+}
 
 
 class Recording(NamedTuple):
@@ -776,10 +787,17 @@ def _parse(data: bytes, offset: int, layout: _Layout) -> Floats:
     body = io.BytesIO(data)
     body.seek(offset)
     frame = pd.read_csv(
-        body, sep=layout.separator or r"\s+", header=None, usecols=list(layout.places),
-        dtype=np.float64, decimal=layout.decimal, engine="c", quoting=3, na_filter=False,
+        body,
+        sep=layout.separator or r"\s+",
+        header=None,
+        usecols=list(layout.places),
+        dtype=np.float64,
+        decimal=layout.decimal,
+        engine="c",
+        quoting=3,
+        na_filter=False,
         encoding="latin-1",
-    )  # fmt: skip
+    )
     values = frame.to_numpy()
     if np.isnan(values).any():
         raise ValueError

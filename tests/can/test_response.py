@@ -54,11 +54,14 @@ def davis():
 def davis_messages():
     return MessageSet(
         Message(
-            row["name"], number, int(row["bytes"]),
-            period=float(row["T_ms"]) / 1e3, deadline=float(row["D_ms"]) / 1e3,
+            row["name"],
+            number,
+            int(row["bytes"]),
+            period=float(row["T_ms"]) / 1e3,
+            deadline=float(row["D_ms"]) / 1e3,
         )
         for number, row in enumerate(davis()[:3])
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("row", [row for row in davis() if row["method"] == "davis"])
@@ -274,10 +277,18 @@ def test_no_release_and_no_faults_exceed_the_bound_with_faults(drawn, burst, see
 #: response without errors at 250 kbit/s [ms], which SchedCAT also computes. The last message, of
 #: 1 byte and 100 ms, is left out: there it waits for an intermission.
 BROSTER = [
-    (8, 10, 1.028), (3, 14, 1.368), (3, 20, 1.708), (2, 15, 2.008), (5, 20, 2.428),
-    (5, 40, 2.848), (4, 15, 3.228), (5, 50, 3.648), (4, 20, 4.028), (7, 100, 4.448),
+    (8, 10, 1.028),
+    (3, 14, 1.368),
+    (3, 20, 1.708),
+    (2, 15, 2.008),
+    (5, 20, 2.428),
+    (5, 40, 2.848),
+    (4, 15, 3.228),
+    (5, 50, 3.648),
+    (4, 20, 4.028),
+    (7, 100, 4.448),
     (5, 50, 4.708),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("count", range(10))
@@ -483,10 +494,13 @@ def test_empty_sets_are_accepted_and_wrong_arguments_refused():
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("stuffing", "mean"), ("stuffing", "longest"), ("intermission", True),
-        ("intermission", "nowhere"), ("own_jitter", 1),
+        ("stuffing", "mean"),
+        ("stuffing", "longest"),
+        ("intermission", True),
+        ("intermission", "nowhere"),
+        ("own_jitter", 1),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_assumption_is_refused(field, value):
     with pytest.raises(ArgumentError, match=f"{field} is {value!r}"):
         Assumptions(**{field: value})
@@ -495,10 +509,16 @@ def test_a_wrong_assumption_is_refused(field, value):
 @pytest.mark.parametrize(
     "fields",
     [
-        {"burst": -1}, {"burst": 1.5}, {"burst": 0, "interval": 0.1}, {"interval": 0},
-        {"interval": math.nan}, {"interval": 1e6}, {"bits": 16}, {"bits": 32},
+        {"burst": -1},
+        {"burst": 1.5},
+        {"burst": 0, "interval": 0.1},
+        {"interval": 0},
+        {"interval": math.nan},
+        {"interval": 1e6},
+        {"bits": 16},
+        {"bits": 32},
     ],
-)  # fmt: skip
+)
 def test_a_wrong_error_bound_is_refused(fields):
     with pytest.raises(ArgumentError):
         ErrorBound(**{"interval": math.inf, **fields})
@@ -508,9 +528,17 @@ def test_the_table_agrees_with_the_results():
     found = response_times(davis_messages(), 125_000)
     table = found.table()
     assert [*table] == [
-        "arbitration_id", "frame_ms", "blocking_ms", "busy_period_ms", "instances", "response_ms",
-        "deadline_ms", "slack_ms", "met", "load_percent",
-    ]  # fmt: skip
+        "arbitration_id",
+        "frame_ms",
+        "blocking_ms",
+        "busy_period_ms",
+        "instances",
+        "response_ms",
+        "deadline_ms",
+        "slack_ms",
+        "met",
+        "load_percent",
+    ]
     assert (found.bit_rate, table.index.name) == (125_000, "name")
     assert (table.index.dtype, table["met"].dtype) == (object, bool)
     assert table["frame_ms"].tolist() == [1.0, 1.0, 1.0]

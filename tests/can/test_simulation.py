@@ -20,12 +20,16 @@ def as_set(columns):
         table["name"] = [f"{number:#05x}" for number in table["arbitration_id"]]
     return MessageSet(
         Message(
-            row.pop("name"), int(row.pop("arbitration_id")), int(row.pop("dlc", 8)),
-            **{field.removesuffix("_ms"): value / 1e3 if field.endswith("_ms") else value
-               for field, value in row.items()},
+            row.pop("name"),
+            int(row.pop("arbitration_id")),
+            int(row.pop("dlc", 8)),
+            **{
+                field.removesuffix("_ms"): value / 1e3 if field.endswith("_ms") else value
+                for field, value in row.items()
+            },
         )
         for row in table.to_dict("records")
-    )  # fmt: skip
+    )
 
 
 def run_of(columns, until, faults=(), **more):
@@ -43,9 +47,15 @@ def table(**columns):
 @st.composite
 def message_sets(draw, jitter=False):
     number = draw(st.integers(1, 5))
-    several = [st.lists(values, min_size=number, max_size=number) for values in (
-        st.integers(47, 160), st.integers(60, 900), st.integers(0, 900), st.integers(0, 300)
-    )]  # fmt: skip
+    several = [
+        st.lists(values, min_size=number, max_size=number)
+        for values in (
+            st.integers(47, 160),
+            st.integers(60, 900),
+            st.integers(0, 900),
+            st.integers(0, 300),
+        )
+    ]
     bits, period, offset, delay = map(draw, several)
     ids = draw(st.lists(st.integers(0, 2047), min_size=number, max_size=number, unique=True))
     return pd.DataFrame(
@@ -210,8 +220,11 @@ def every_attempt(count):
 
 def test_counters_states_and_suspension_follow_the_standard():
     messages = {
-        "arbitration_id": [1, 2], "bits": 100, "period_ms": [100, 100], "sender": ["a", "b"]
-    }  # fmt: skip
+        "arbitration_id": [1, 2],
+        "bits": 100,
+        "period_ms": [100, 100],
+        "sender": ["a", "b"],
+    }
     run = run_of(messages, 0.1, hits(every_attempt(16)))
     assert run.errors()["tec"].tolist() == list(range(8, 129, 8))
     assert run.errors()["state"].tolist() == 15 * ["error active"] + ["error passive"]

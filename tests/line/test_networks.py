@@ -215,8 +215,10 @@ def test_a_tree_can_be_folded_with_plain_numbers():
     # Two lines of a quarter wave and 100 ohm at the root, each with 50 ohm at its end.
     quarter = -1j, 0, 100, 0.01
     assert Network.fold([-1, 0, 0], [None, quarter, quarter], [0, 1 / 50, 1 / 50]) == [
-        pytest.approx(100), pytest.approx(-50j), pytest.approx(-50j)
-    ]  # fmt: skip
+        pytest.approx(100),
+        pytest.approx(-50j),
+        pytest.approx(-50j),
+    ]
 
 
 TREES = 7
@@ -303,9 +305,7 @@ def test_a_ring_drops_a_quarter_of_what_a_line_does():
     assert set(closed.operating_point("n0", 30, {}).values()) == {30.0}
 
 
-@given(
-    st.sampled_from([-30.0, 30.0]), st.floats(0, 60), st.booleans(), st.floats(1, 200),
-)  # fmt: skip
+@given(st.sampled_from([-30.0, 30.0]), st.floats(0, 60), st.booleans(), st.floats(1, 200))
 def test_currents_that_cannot_flow_have_no_operating_point(supply, draw, closed, metres):
     network = Net()
     network.line("supply", "far", metres, CABLE)
