@@ -22,7 +22,7 @@ from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.rules import RuleSet
 
 #: Targets in CPU seconds and MB, by number of points.
-GOALS = {1_000: (3, 1500), 20_000: (40, 1500), 100_000: (240, 5000)}
+GOALS = {1_000: (3, 1500), 20_000: (20, 500), 100_000: (240, 5000)}
 
 
 def whole(n):

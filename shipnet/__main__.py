@@ -153,11 +153,15 @@ def _answer(
 def _check(arguments: argparse.Namespace) -> Answer:
     from shipnet.asi.plan import read_plan
 
-    found = read_plan(arguments.plan).check()
+    plan = read_plan(arguments.plan)
+    found = plan.check()
     numbers = {"checks": (len(found), ""), "violated": (len(found.violated()), "")}
     columns = ["rule", "object", "value", "low", "high", "unit", "margin"]
     rules = found.worst().reset_index()[columns]
-    answer = _answer(found, numbers, str(found), findings=found.table(), rules=rules)
+    reading = pd.DataFrame({"how the plan was read": plan.remarks})
+    answer = _answer(
+        found, numbers, str(found), findings=found.table(), rules=rules, reading=reading
+    )
     return answer._replace(findings=found)
 
 
@@ -178,13 +182,16 @@ def _can(arguments: argparse.Namespace) -> Answer:
         period=arguments.period,
         strict=not arguments.overlook,
     )
-    left_out = pd.DataFrame({"fault": messages.overlooked})
+    more: Any = {
+        "reading": pd.DataFrame({"how the list was read": messages.remarks}),
+        "left_out": pd.DataFrame({"fault": messages.overlooked}),
+    }
     if arguments.log:
         compared = compare(messages, arguments.log, pgn=arguments.pgn)
         table = compared.table().reset_index()
         counts = table["verdict"].value_counts().items()
         numbers = {str(verdict): (int(count), "") for verdict, count in counts}
-        return _answer(compared, numbers, messages=table, left_out=left_out)
+        return _answer(compared, numbers, messages=table, **more)
     found = analyse(messages, arguments.rates or BIT_RATES)
     rates: dict[str, tuple[float, str]] = {
         "lowest_bit_rate": (found.lowest, "bit/s"),
@@ -203,7 +210,7 @@ def _can(arguments: argparse.Namespace) -> Answer:
         messages_of_log=observed.reset_index(),
         responses=found.at_lowest.table().reset_index(),
         best_order=order if gains else order[:0],
-        left_out=left_out,
+        **more,
     )
 
 
@@ -231,7 +238,11 @@ def _design(arguments: argparse.Namespace) -> Answer | None:
         _print(settings.text(), end="")
         return None
     found = compared(arguments, settings)
-    costs = {} if found.best is None else {"total_cost": found.best.quantities()["total_cost_eur"]}
+    best = {}
+    if found.best is not None:
+        cost = found.best.quantities()["total_cost_eur"]
+        chance = found.chances[found.best.name]
+        best = {"total_cost": (cost, "EUR"), "probability_cheapest": (chance, "")}
     return Answer(
         ok=found.ok,
         verdict=found.verdict,
@@ -239,7 +250,7 @@ def _design(arguments: argparse.Namespace) -> Answer | None:
         numbers={
             "designs": (len(found.designs), ""),
             "designs_meeting_every_rule": (len(found.meeting), ""),
-            **{name: (value, "EUR") for name, value in costs.items()},
+            **best,
         },
         tables={
             "comparison": found.table().reset_index(),

@@ -69,9 +69,17 @@ def plain(text: str) -> str:
     return "".join(re.findall(r"[^\W_]+", text.casefold()))
 
 
+#: A supply voltage, which does not change the kind of a point.
+_SUPPLY = re.compile(
+    r"(?<![-.~0-9])\b(?:24|48|110|115|120|220|230) ?V ?(?:[AD]C)?\b", re.IGNORECASE
+)
+
+
 def meanings(text: str) -> tuple[str, ...]:
-    """Return the signals that a word may mean."""
-    return tuple(name for name, _ in spellings("signal").get(plain(text), ()))
+    """Return the signals that a word, which may include a supply voltage, may mean."""
+    known = spellings("signal")
+    found = known.get(plain(text)) or known.get(plain(_SUPPLY.sub(" ", text)), ())
+    return tuple(name for name, _ in found)
 
 
 def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str:

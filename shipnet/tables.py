@@ -29,7 +29,7 @@ from shipnet.errors import ArgumentError, InputError, listed, load_extra
 from shipnet.lazy import pd
 
 #: A number; its decimal separator, if any, is a point.
-NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
+NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
 
 #: The values of cells whose formula failed.
 ERRORS = ("#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
@@ -66,13 +66,25 @@ class Remark:
         return f"{self.what}: {len(self.rows)} row{several} ({places})"
 
 
+def remark_table(remarks: Sequence[Remark]) -> pd.DataFrame:
+    """Return remarks as a table with the columns what, count, rows and doubt."""
+    rows = []
+    for one in remarks:
+        which = listed(one.rows, None)[1:].lstrip() if one.rows else ""
+        rows.append((one.what, len(one.rows) or None, which, one.doubt))
+    table = pd.DataFrame(rows, columns=["what", "count", "rows", "doubt"])
+    return table.astype({"count": "Int64"})
+
+
 @dataclass(frozen=True, slots=True)
 class Sheet:
     """A row of titles and the rows below it, as stripped text.
 
     Rows are numbered from 1, as in a spreadsheet: `top` is the row of titles, `above` the filled
-    rows before it, `hidden` and `struck` those hidden or struck out. `odd` describes a cell that is
-    neither text nor a plain number, by (row, column from 0). In a workbook, `separator` is ``""``.
+    rows before it, `hidden` those hidden, `merged` those filled from merged cells. Cells are
+    (row, column from 0): `odd` describes those that are neither text nor a plain number, `struck`
+    are struck out. In a workbook, `separator` is ``""``, and `typed` are cells of text that may
+    be a number, and `unread` names the other sheets.
     """
 
     source: str
@@ -84,8 +96,21 @@ class Sheet:
     remarks: tuple[Remark, ...] = ()
     sheet: str = ""
     hidden: frozenset[int] = frozenset()
-    struck: frozenset[int] = frozenset()
-    above: tuple[int, ...] = ()
+    struck: frozenset[tuple[int, int]] = frozenset()
+    typed: frozenset[tuple[int, int]] = frozenset()
+    merged: frozenset[int] = frozenset()
+    above: Sequence[tuple[int, list[str]]] = ()
+    unread: tuple[str, ...] = ()
+
+    def also_read(self, sheets: Iterable[str]) -> Sheet:
+        """Return the sheet with a remark on the sheets that were read, and those that were not."""
+        read = list(dict.fromkeys([self.sheet, *sheets]))
+        unread = tuple(name for name in self.unread if name not in read)
+        remark = f"read: sheet{'s' * (len(read) > 1)} {', '.join(read)}"
+        remark += f"; not read: {', '.join(unread)}" if unread else ""
+        others = [one for one in self.remarks if not str(one).startswith("read: sheet")]
+        remarks = (*others, Remark(remark, detail=not unread))
+        return replace(self, unread=unread, remarks=remarks)
 
 
 def titled(
@@ -189,7 +214,7 @@ def parse_sheet(
         raise InputError(source, f"{'is empty; expected a' if empty else 'has no'} row of {what}")
     above, separator = found
     # A row has several lines if a cell contains line breaks.
-    first = [any(map(str.strip, row)) for row in csv.reader(lines[:above], delimiter=separator)]
+    first = [list(map(cell_text, r)) for r in csv.reader(lines[:above], delimiter=separator)]
     before = len(first)
     reader = csv.reader(lines[above:], delimiter=separator, strict=True)
     rows = []
@@ -202,7 +227,7 @@ def parse_sheet(
     except csv.Error as error:
         raise InputError(source, f"is not a CSV file: {error}, in row {number + 1}") from None
     (top, titles), *rows = rows
-    filled = tuple(number for number, cells in enumerate(first, 1) if cells)
+    filled = [(number, cells) for number, cells in enumerate(first, 1) if any(cells)]
     return Sheet(source, top, _trim(titles), rows, separator, above=filled)
 
 
@@ -288,10 +313,9 @@ def _workbook(
                   for title in (shown if name is None else [name])}  # fmt: skip
         chosen = max(worths, key=lambda title: worths[title][0], default="")
         if chosen and worths[chosen][0]:
-            rest = [title for title in book.sheets if title != chosen]
-            said = f"read: sheet {chosen}" + (f"; not read: {', '.join(rest)}" if rest else "")
             found = _table(source, book, chosen, worths[chosen][1])
-            return replace(found, remarks=(Remark(said, detail=not (rest and name is None)),))
+            rest = [title for title in book.sheets if title != chosen and name is None]
+            return replace(found, unread=tuple(rest)).also_read([])
     where = f"the sheets {', '.join(shown)}" if name is None else f"the sheet {name}"
     more = (f"; hidden sheets, which are read only if named: {', '.join(book.hidden)}"
             if name is None and book.hidden else "")  # fmt: skip
@@ -315,32 +339,37 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
     rows: list[tuple[int, list[str]]] = []
     odd: dict[tuple[int, int], str] = {}
     titles: list[str] = []
-    above: list[int] = []
+    above: list[tuple[int, list[str]]] = []
+    merged, hidden, unsaved = book.layout(title)
     for number, cells, own in book.rows(title):
+        for place in unsaved.get(number, ()):
+            cells += [""] * (place + 1 - len(cells))
+            if not cells[place]:
+                cells[place], own[place] = "=", "a formula without a saved value"
         if number == top:
             titles = cells
         elif number < top and any(cells):
-            above.append(number)
+            above.append((number, cells))
         elif any(cells):
             rows.append((number, cells))
             odd |= {(number, place): what for place, what in own.items()}
-    merged, hidden = book.layout(title)
-    _fill_down(rows, odd, [area for area in merged if area[0] > top])
+    filled = _fill_down(rows, odd, book.typed, [area for area in merged if area[0] > top])
     return Sheet(
         source, top, _trim(titles), rows, "", odd, sheet=title,
         hidden=hidden.intersection(number for number, _ in rows),
-        struck=frozenset(number for name, number in book.struck if name == title),
-        above=tuple(above),
+        struck=frozenset(book.struck), typed=frozenset(book.typed), merged=frozenset(filled),
+        above=above,
     )  # fmt: skip
 
 
 def _fill_down(
     rows: Sequence[tuple[int, list[str]]],
     odd: dict[tuple[int, int], str],
+    typed: set[tuple[int, int]],
     merged: Sequence[tuple[int, int, int]],
-) -> None:
-    """Copy the content of merged cells to each of their rows."""
-    numbers = [number for number, _ in rows]
+) -> set[int]:
+    """Copy the content of merged cells to each of their rows; return the rows filled."""
+    numbers, filled = [number for number, _ in rows], set()
     for top, bottom, left in merged:
         first, end = bisect_left(numbers, top), bisect_right(numbers, bottom)
         own = rows[first : min(first + 1, end)]
@@ -349,8 +378,13 @@ def _fill_down(
         for number, cells in rows[first + 1 : end]:
             cells += [""] * (left + 1 - len(cells))
             cells[left] = own[0][1][left]
+            if cells[left]:
+                filled.add(number)
             if (top, left) in odd:
                 odd[number, left] = odd[top, left]
+            if (top, left) in typed:
+                typed.add((number, left))
+    return filled
 
 
 class _Workbook:
@@ -362,11 +396,18 @@ class _Workbook:
         if not worksheets:
             raise ValueError("it has no sheet with cells")
         self.sheets = tuple(sheet.title for sheet in worksheets)
-        self.struck: set[tuple[str, int]] = set()
+        self.struck: set[tuple[int, int]] = set()
+        self.typed: set[tuple[int, int]] = set()
+        self._strikes: dict[Any, bool] = {}
         self.hidden = tuple(s.title for s in worksheets if s.sheet_state != "visible")
 
     def rows(self, title: str) -> Iterator[tuple[int, list[str], dict[int, str]]]:
-        """Yield the number, cells and odd cells of each row of a sheet; skip rows without cells."""
+        """Yield the number, cells and odd cells of each row of a sheet; skip rows without cells.
+
+        The cells struck out and those of text like numbers are collected in `struck` and `typed`.
+        """
+        self.struck.clear()
+        self.typed.clear()
         sheet = self._book[title]
         sheet.reset_dimensions()  # the size that a sheet states may be wrong
         total = last = 0
@@ -382,27 +423,53 @@ class _Workbook:
             last = number
             odd: dict[int, str] = {}
             texts = [_text(cell, place, odd) for place, cell in enumerate(cells)]
-            first = next((cell for cell in cells if cell.value is not None), None)
-            if first is not None and first.font.strike:
-                self.struck.add((title, number))
+            for place, (cell, text) in enumerate(zip(cells, texts, strict=True)):
+                if text and self._is_struck(cell):
+                    self.struck.add((number, place))
+                if isinstance(cell.value, str) and _TYPED.match(text):
+                    self.typed.add((number, place))
             yield number, texts, odd
 
-    def layout(self, title: str) -> tuple[list[tuple[int, int, int]], frozenset[int]]:
-        """Return merged areas (first row, last row, first column from 0) and the hidden rows."""
+    def _is_struck(self, cell: Any) -> bool:
+        # The font of a cell is slow to look up, and a workbook has few styles.
+        style = cell._style_id
+        if style not in self._strikes:
+            self._strikes[style] = bool(cell.font.strike)
+        return self._strikes[style]
+
+    def layout(
+        self, title: str
+    ) -> tuple[list[tuple[int, int, int]], frozenset[int], dict[int, list[int]]]:
+        """Return merged areas, hidden rows, and columns of formulas without a saved value by row.
+
+        Merged areas are (first row, last row, first column from 0).
+        """
+        from openpyxl.utils.cell import column_index_from_string, coordinate_from_string
         from openpyxl.worksheet.cell_range import CellRange
 
-        # In its row-by-row mode, which saves memory, openpyxl skips merged cells and hidden rows.
-        found, hidden = [], set()
+        # In its row-by-row mode, which saves memory, openpyxl skips these.
+        merged, hidden, unsaved = [], set(), dict[int, list[int]]()
+        valued = False
         with self._archive.open(self._book[title]._worksheet_path) as part:
             for _, element in ElementTree.iterparse(part):
-                if element.tag.endswith("}mergeCell"):
+                tag = element.tag.rpartition("}")[2]
+                if tag == "mergeCell":
                     area = CellRange(element.attrib["ref"])
-                    found.append((area.min_row, area.max_row, area.min_col - 1))
-                elif not element.tag.endswith("}mergeCells"):
-                    if element.tag.endswith("}row") and element.get("hidden") in ("1", "true"):
-                        hidden.add(int(element.get("r", 0)))
+                    merged.append((area.min_row, area.max_row, area.min_col - 1))
+                elif tag == "v":
+                    valued = bool(element.text)
+                elif tag == "c":
+                    has_formula = any(child.tag.endswith("}f") for child in element)
+                    at = element.get("r", "")
+                    if has_formula and at and not valued and "t" not in element.attrib:
+                        letters, row = coordinate_from_string(at)
+                        unsaved.setdefault(row, []).append(column_index_from_string(letters) - 1)
+                    valued = False
+                elif tag == "row" and element.get("hidden") in ("1", "true"):
+                    hidden.add(int(element.get("r", 0)))
+                if tag in ("c", "row"):
                     element.clear()
-        return found, frozenset(hidden)
+        return merged, frozenset(hidden), unsaved
 
 
 @contextmanager
@@ -450,6 +517,9 @@ def _check_parts(archive: ZipFile) -> None:
 #: numbers.
 _EAST_ASIAN_DATES = {*range(27, 37), *range(50, 59)}
 
+#: The start of text that may be a number.
+_TYPED = re.compile("[+\u2212\uff0b\uff0d-]?[.,\uff0c\uff0e]?\\d")
+
 #: A number format with literal letters, which are quoted or follow a backslash.
 _WORDS = re.compile(r'"[^"]*[^\W\d_][^"]*"|\\[^\W\d_]')
 
@@ -492,6 +562,7 @@ def frame_sheet(table: pd.DataFrame, source: str = "table") -> Sheet:
     titles = tuple(" ".join(str(title).split()) for title in table.columns)
     cells = table.astype(object).where(table.notna(), None)
     odd: dict[tuple[int, int], str] = {}
+    typed = set()
     rows = []
     for number, values in enumerate(cells.itertuples(index=False, name=None)):
         row = [_cell(value) for value in values]
@@ -500,7 +571,9 @@ def frame_sheet(table: pd.DataFrame, source: str = "table") -> Sheet:
             for place, value in enumerate(values):
                 if what := _odd(value, row[place]):
                     odd[number, place] = what
-    return Sheet(source, -1, titles, rows, "", odd)
+                if isinstance(value, str) and _TYPED.match(row[place]):
+                    typed.add((number, place))
+    return Sheet(source, -1, titles, rows, "", odd, typed=frozenset(typed))
 
 
 def _cell(value: Any) -> str:

@@ -206,7 +206,7 @@ def test_own_titles_are_read_and_faults_of_a_dbc_file_can_be_overlooked(tmp_path
     file = tmp_path / "list.csv"
     file.write_text("Name;CAN-ID (hex);DLC;Every;Pin\nA;10;8;20;7\n")
     assert main(["can", str(file)]) == 2
-    assert "title 'every' is unknown" in capsys.readouterr().err
+    assert "unknown titles: Every; Pin" in capsys.readouterr().err
     titles = ["--column", "Every=period_ms", "--column", "Pin=note"]
     assert len(asked(capsys, "can", file, *titles)["tables"]["responses"]) == 1
     pytest.importorskip("cantools")

@@ -99,6 +99,8 @@ class Plan:
     notes : mapping of tuple to str, optional
         Remarks, without effect, by the kind, the nodes and the address of an element, for example
         ``{("slave", "deck", "12A"): "spare"}``.
+    remarks : sequence of str, optional
+        Remarks on rows and columns of the file that were not used, filled in or assumed.
 
     Raises
     ------
@@ -133,6 +135,7 @@ class Plan:
     repeaters: Sequence[Repeater] = ()
     terminators: Sequence[Terminator] = ()
     notes: Notes = field(default_factory=dict, compare=False)
+    remarks: Sequence[str] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         for name in _KINDS:
@@ -153,7 +156,7 @@ class Plan:
         return ", ".join(f"{n} {name}{'s' if n != 1 else ''}" for name, n in counts)
 
     def __repr__(self) -> str:
-        return f"<Plan: {self}>"
+        return f"<Plan: {'; '.join([str(self), *self.remarks])}>"
 
     # Structure ---------------------------------------------------------------------------------
 
@@ -576,7 +579,8 @@ def read_plan(path: str | PathLike[str]) -> Plan:
     >>> len(plan.slaves), [f"{segment.length:.0f} m" for segment in plan.segments]
     (62, ['100 m', '100 m', '100 m'])
     """
-    return plan_of(*read_elements(path))
+    elements, notes, remarks = read_elements(path)
+    return replace(plan_of(elements, notes), remarks=remarks)
 
 
 # Several plans --------------------------------------------------------------------------------

@@ -8,8 +8,9 @@
     slave,deck,,,,13,S-7.3,20,4,,
 
 Cells that do not apply to the row's kind of element must be empty; an empty optional cell means
-the element's default. Columns may be in any order; `note` (remarks) and unused columns may be
-omitted.
+the element's default. Columns may be in any order, and unused ones may be omitted. Titles and cells
+may state another unit, such as ``length [mm]`` or ``0.5 A``. `note` has remarks on the
+elements; other columns are not used, as a remark says.
 """
 
 from __future__ import annotations
@@ -24,12 +25,14 @@ from shipnet.asi.profile import Profile
 from shipnet.asi.segment import Element, Repeater, Supply, Terminator, nodes_of, structure_faults
 from shipnet.asi.slave import Slave, slave_key
 from shipnet.asi.timing import CHANNELS, transfers_values
-from shipnet.errors import ArgumentError, InputError
+from shipnet.errors import ArgumentError
 from shipnet.fields import Number, declared
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
-from shipnet.tables import NUMBER, in_order, read_sheet, save_table, titled
+from shipnet.lists import Cells, Words
+from shipnet.signals import plain
+from shipnet.tables import read_sheet, save_table
 
 #: Numeric columns: the declaration of each, and the power of ten of its unit.
 _NUMBERS: dict[str, tuple[Any, int]] = {
@@ -42,8 +45,6 @@ _NUMBERS: dict[str, tuple[Any, int]] = {
     "resistance_ohm": (declared(Terminator)["resistance"], 0),
     "inductance_uh": (declared(Terminator)["inductance"], -6),
 }
-
-_PREFIX = {0: "", -3: "m", -6: "u"}
 
 #: Kinds of rows: class of the element, columns of its required and of its optional arguments.
 _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]] = {
@@ -68,6 +69,16 @@ _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]]
 COLUMNS = ("kind", "node", "to", "length_m", "cable", "address", "profile", "current_ma",
            "channels", "conversion_ms", "voltage_v", "rating_a", "delay_us",
            "resistance_ohm", "inductance_uh")  # fmt: skip
+
+#: Titles of the columns, without units, spaces or punctuation.
+_TITLES = {
+    "kind": "kind element", "node": "node from", "to": "to", "cable": "cable cabletype",
+    "length_m": "length cablelength", "address": "address", "profile": "profile",
+    "current_ma": "current", "channels": "channels", "conversion_ms": "conversion",
+    "voltage_v": "voltage", "rating_a": "rating", "delay_us": "delay",
+    "resistance_ohm": "resistance", "inductance_uh": "inductance",
+    "note": "note notes remark remarks comment comments description",
+}  # fmt: skip
 
 
 #: Remarks on elements, by `note_key`.
@@ -112,78 +123,80 @@ def _row(element: Element) -> dict[str, str]:
     return row
 
 
-def read_elements(path: str | PathLike[str]) -> tuple[list[Element], Notes]:
-    """Read the elements of a plan from a file, and the notes on them."""
-    sheet = read_sheet(path)
-    needed = ("kind", "node")
-    known = {column: None if column in needed else "" for column in (*COLUMNS, "note")}
-    rows, faults = titled(sheet, known)
-    # Check the structure only if every cable was read; otherwise devices would seem unconnected.
-    whole = not faults
-    point = "."
-    if sheet.separator != "," and any("," in row[column] for _, row in rows for column in _NUMBERS):
-        point = ","
-    elements: list[Element] = []
-    notes: dict[tuple[str, ...], str] = {}
-    numbers: dict[int, int] = {}
-    for number, row in rows:
-        element, wrong = _element(row, point)
-        faults += [(number, f", {fault}") for fault in wrong]
-        if element is not None:
-            numbers[id(element)] = number
-            elements.append(element)
-            if row["note"]:
-                notes[note_key(element)] = row["note"]
+class _Elements(Cells):
+    """The cells of a plan."""
+
+    words = Words(
+        {plain(word): column for column, all_ in _TITLES.items() for word in all_.split()},
+        {column: column.rpartition("_")[2] for column in _NUMBERS},
+    )
+    noun, key = "element", "kind"
+    titled_by = frozenset({"kind", "node"})
+    needs_unit = frozenset({"current_ma", "conversion_ms", "delay_us"})
+
+    def column_faults(self) -> list[str]:
+        """Return which of the required columns are missing."""
+        return [f"no column {name}" for name in ("kind", "node") if name not in self.places]
+
+    def is_entry(self, cell: Callable[[str], str]) -> bool:
+        """Return whether a row names a kind of element, or fills two cells."""
+        return cell("kind").lower() in _KINDS or sum(bool(cell(name)) for name in COLUMNS) > 1
+
+
+def read_elements(
+    path: str | PathLike[str],
+) -> tuple[list[Element], Notes, tuple[str, ...]]:
+    """Read the elements of a plan from a file, the notes on them, and remarks on the reading."""
+    what = "titles of a plan (at least kind and node)"
+    sheet = read_sheet(path, is_titles=_Elements.score(), what=what)
+    cells = _Elements(sheet, is_saved={*sheet.titles} <= {*COLUMNS, "note"})
+    columns = {column: cells[column] for column in COLUMNS}
+    values: dict[str, list[Any]] = {}
+    for column in COLUMNS:
+        if column in _NUMBERS:
+            known, _ = _NUMBERS[column]
+            unit = known.unit.casefold()
+            numbers = cells.numbers(column, known.low, known.high, unit).tolist()
+            values[column] = [None if number != number else number for number in numbers]
         else:
-            # A row of unknown kind may be meant as a cable.
-            whole &= row["kind"].lower() in _KINDS.keys() - {"cable"}
-    said = in_order(faults)
-    if whole and not any(isinstance(element, CableRun) for element in elements):
-        said.append("has no row of kind cable; expected at least one")
-    elif whole:
-        found = structure_faults(elements)
-        said += [f"row {numbers[id(element)]}: {fault}" for element, fault in found]
-    if said:
-        raise InputError(sheet.source, *said)
-    return elements, notes
-
-
-def _element(row: dict[str, str], point: str) -> tuple[Element | None, list[str]]:
-    """Return the element that a row describes, or None, and all faults of the row."""
-    name = row["kind"].lower()
-    if name not in _KINDS:
-        return None, [f"column kind: {row['kind']!r}; expected one of {', '.join(_KINDS)}"]
-    make, needed, optional = _KINDS[name]
-    arguments: dict[str, Any] = {}
-    faults = [f"column {column} is empty; a {name} needs it" for column in needed.values()
-              if not row[column]]  # fmt: skip
-    for argument, column in (needed | optional).items():
+            read, legal = _READ.get(column, (str, ""))
+            values[column] = cells.values(column, read, legal)
+    elements: list[tuple[int, Element]] = []
+    for row in range(len(cells.rows)):
+        name = columns["kind"][row].lower()
+        if name not in _KINDS:
+            cells.wrong([row], "kind", f"one of {', '.join(_KINDS)}")
+            continue
+        make, needed, optional = _KINDS[name]
+        used = needed | optional
+        for column in needed.values():
+            if not columns[column][row]:
+                cells.wrong([row], column, f"a value; a {name} needs it")
+        for column in columns.keys() - {"kind", *used.values()}:
+            if columns[column][row]:
+                cells.wrong([row], column, f"an empty cell; a {name} has no {column}")
+        arguments = {key: values[column][row] for key, column in used.items()}
+        given = {key: value for key, value in arguments.items() if value is not None}
         try:
-            if row[column]:
-                arguments[argument] = _value(column, row[column], point)
-        except ArgumentError as expected:
-            faults.append(f"column {column}: {row[column]!r}; expected {expected}")
-    known = {"kind", "note", *needed.values(), *optional.values()}
-    faults += [
-        f"column {column}: {cell!r}; expected an empty cell; a {name} has no {column}"
-        for column, cell in row.items()
-        if cell and column not in known
-    ]
-    try:
-        return (None if faults else make(**arguments)), faults
-    except ArgumentError as fault:
-        return None, [str(fault)]
-
-
-def _value(column: str, cell: str, point: str) -> Any:
-    """Return the value of a cell, or raise an error that states the legal values."""
-    if column in _NUMBERS:
-        return _number(column, cell, point)
-    read, expected = _READ.get(column, (str, ""))
-    try:
-        return read(cell)
-    except (ValueError, KeyError):
-        raise ArgumentError(expected) from None
+            if row not in cells.faulty:
+                elements.append((row, make(**given)))
+        except ArgumentError as fault:
+            cells.fault(row, "kind", f", {fault}")
+    # Check the structure only if every cable was read; otherwise devices would seem unconnected.
+    # A row of unknown kind may be meant as a cable.
+    kinds = {columns["kind"][row].lower() for row in cells.faulty}
+    missing = []
+    if kinds <= _KINDS.keys() - {"cable"}:
+        if not any(isinstance(element, CableRun) for _, element in elements):
+            missing = ["has no row of kind cable; expected at least one"]
+        rows = {id(element): row for row, element in elements}
+        plan = [element for _, element in elements]
+        for element, why in () if missing else structure_faults(plan):
+            cells.fault(rows[id(element)], "kind", f": {why}")
+    cells.check(*missing)
+    texts = cells["note"]
+    notes = {note_key(element): texts[row] for row, element in elements if texts[row]}
+    return [element for _, element in elements], notes, cells.shown
 
 
 def _label(cell: str) -> str:
@@ -198,18 +211,3 @@ _READ: dict[str, tuple[Callable[[str], Any], str]] = {
     "channels": (int, f"a whole number, 1 to {CHANNELS}"),
     "cable": (dict(zip(CABLES, CABLES, strict=True)).__getitem__, f"one of {', '.join(CABLES)}"),
 }
-
-
-def _number(column: str, cell: str, point: str) -> float:
-    known, power = _NUMBERS[column]
-    low, high = known.low, known.high
-    legal = f"a number {low * 10**-power:g}..{high * 10**-power:g} {_PREFIX[power]}{known.unit}"
-    if {".": ",", ",": "."}[point] in cell:
-        raise ArgumentError(f"{legal}, with a decimal {'point' if point == '.' else 'comma'}")
-    text = cell.replace(",", ".")
-    if (
-        not NUMBER.fullmatch(text)
-        or not low <= (value := float(Decimal(text).scaleb(power))) <= high
-    ):
-        raise ArgumentError(legal)
-    return value

@@ -9,7 +9,7 @@ import numpy as np
 
 from shipnet import datasets
 from shipnet.answers import COLUMNS
-from shipnet.asi.segment import Segment
+from shipnet.asi.segment import Quality, Segment, signals_of
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Transaction, polling_cycle
 from shipnet.errors import ArgumentError
@@ -115,6 +115,7 @@ def _rows(
     yield from _line_rows(line, wanted, transaction)
     yield from _address_rows(line)
     terminated = any(segment.terminators for segment in line)
+    judged = []
     for segment in line:
         yield from _segment_rows(segment, terminated)
         yield from _supply_rows(segment)
@@ -126,7 +127,9 @@ def _rows(
         if why:
             yield "voltages_and_signals", str(segment), np.nan, None, "; ".join(why)
         else:
-            yield from _signal_rows(segment)
+            judged.append(segment)
+    for segment, quality in zip(judged, signals_of(judged), strict=True):
+        yield from _signal_rows(segment, quality)
 
 
 def _line_rows(
@@ -199,10 +202,10 @@ def _supply_rows(segment: Segment) -> Iterator[_Row]:
             yield "slave_voltage", str(slave), volts, None, why
 
 
-def _signal_rows(segment: Segment) -> Iterator[_Row]:
+def _signal_rows(segment: Segment, quality: Quality) -> Iterator[_Row]:
     names = [name for name, _ in segment.listeners]
     rules = ("signal_level_least", "signal_level_most", "signal_evenness", "ringing", "reception")
     why = _TERMINATED if segment.terminators else {}
-    for rule, values in zip(rules, segment.signals()[:5], strict=True):
-        said = why.get(rule, "")
-        yield from ((rule, n, float(v), None, said) for n, v in zip(names, values, strict=True))
+    for rule, values in zip(rules, quality[:5], strict=True):
+        reason = why.get(rule, "")
+        yield from ((rule, n, float(v), None, reason) for n, v in zip(names, values, strict=True))

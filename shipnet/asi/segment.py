@@ -6,7 +6,7 @@ The voltages of telegrams are those of the signal, without the supply's 30 V.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import heappop, heappush
 from math import ceil
@@ -228,6 +228,9 @@ def quality_of(*waves: Waveform) -> Quality:
 
 # Segments -------------------------------------------------------------------------------------
 
+#: Time step of received telegrams, and silence before and after them [s].
+_PADDED = {"dt": 250e-9, "before": 5e-6, "after": 55e-6}
+
 
 @dataclass(frozen=True)
 class Segment:
@@ -344,17 +347,30 @@ class Segment:
     def quality(self, nodes: Sequence[str], *words: Sequence[str]) -> Quality:
         """Return the quality of batches of telegrams between `head` and nodes; nodes may repeat."""
         places = list(dict.fromkeys(nodes))
-        found = quality_of(*self.waveforms(places, *words, dt=250e-9, before=5e-6, after=55e-6))
+        found = quality_of(*self.waveforms(places, *words, **_PADDED))
         rows = [places.index(node) for node in nodes]
         return Quality._make([*(values[rows] for values in found[:5]), tuple(nodes)])
 
-    def signals(self) -> Quality:
-        """Return the worst quality of the 16 responses and the `PROBES` for each listener."""
-        nodes = [node for _, node in self.listeners]
-        if self.head is not None and not nodes:
-            none = np.empty(0)
-            return Quality(none, none, none, none, none)
-        return self.quality(nodes, RESPONSES, PROBES)
+
+def signals_of(segments: Sequence[Segment]) -> list[Quality]:
+    """Return the worst quality of the 16 responses and the `PROBES` for each listener."""
+    listeners = [[node for _, node in segment.listeners] for segment in segments]
+    nodes = [list(dict.fromkeys(repeated)) for repeated in listeners]
+    waves = [
+        segment.waveforms(distinct, RESPONSES, PROBES, **_PADDED)
+        for segment, distinct in zip(segments, nodes, strict=True)
+        if distinct or segment.head is None
+    ]
+    joined = [
+        replace(batch[0], u=np.concatenate([wave.u for wave in batch]), names=())
+        for batch in zip(*waves, strict=True)
+    ]
+    values = np.array(quality_of(*joined)[:5]) if joined else np.empty((5, 0))
+    parts = np.split(values, np.cumsum([len(distinct) for distinct in nodes])[:-1], axis=1)
+    return [
+        Quality(*part[:, [distinct.index(node) for node in repeated]])
+        for part, distinct, repeated in zip(parts, nodes, listeners, strict=False)
+    ]
 
 
 # Connections -----------------------------------------------------------------------------------

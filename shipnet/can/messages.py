@@ -1,19 +1,20 @@
 """Messages of a bus: their priorities, load and files.
 
 A table has the columns `COLUMNS` in any order. Other common titles such as ``CAN-ID (hex)`` are
-recognised; columns titled ``note`` are ignored. Identifiers are decimal, or hexadecimal with 0x.
+recognised; other columns are not used, as a remark says. Identifiers are decimal, or hexadecimal
+with 0x.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar, overload
+from typing import Any, Literal, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +26,6 @@ from shipnet.can.lengths import Stuffing, length_table
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.fields import (
-    Kind,
     Number,
     Switch,
     Whole,
@@ -39,7 +39,9 @@ from shipnet.fields import (
     whole,
 )
 from shipnet.lazy import pd
-from shipnet.tables import NUMBER, Sheet, csv_text, parse_sheet, read_bytes, read_sheet, text_of
+from shipnet.lists import Cells, Words, widened
+from shipnet.signals import plain
+from shipnet.tables import Sheet, csv_text, parse_sheet, read_bytes, read_sheet, text_of
 
 T = TypeVar("T")
 
@@ -144,35 +146,56 @@ class Message:
 _KINDS = declared(Message)
 COLUMNS = tuple(f"{field}_ms" if field in TIMES else field for field in _KINDS)
 _NEEDED = COLUMNS[:4]
+_WHAT = f"titles of messages (at least {', '.join(_NEEDED)})"
 
-#: Alternative column titles, without units, spaces or punctuation.
+#: Column titles, without spaces or punctuation. A time needs a unit, such as ``period_ms``.
 _TITLES = {
-    "name": "message messagename msg msgname framename",
-    "arbitration_id": "id canid canidentifier identifier messageid msgid frameid cobid",
-    "dlc": "length len bytes databytes datalength datalengthcode size",
-    "period": "cycle cycletime repetition repetitiontime interval sendinterval periodicity",
-    "deadline": "maxlatency latency maxdelay maxage",
-    "jitter": "releasejitter queuingjitter queueingjitter",
-    "offset": "startoffset startdelay phase",
-    "extended": "ext extendedid 29bit ide",
-    "sender": "node sendernode transmitter txnode ecu source station",
-    "bits": "framelength framebits",
-    "note": "notes remark remarks comment comments description no nr item pos receiver receivers "
-    "receivingnode rx rxnode direction dir signal signals content contents system type sendtype "
-    "messagetype bus channel network priority prio pgn revision rev status",
+    "name": "name message messagename msg msgname framename",
+    "arbitration_id": "arbitrationid id canid canidentifier identifier messageid msgid frameid "
+    "cobid",
+    "dlc": "dlc length len bytes databytes datalength datalengthcode size",
+    "period_ms": "period cycle cycletime repetition repetitiontime interval sendinterval "
+    "periodicity",
+    "deadline_ms": "deadline maxlatency latency maxdelay maxage",
+    "jitter_ms": "jitter releasejitter queuingjitter queueingjitter",
+    "offset_ms": "offset startoffset startdelay phase",
+    "extended": "extended ext extendedid 29bit ide format frameformat idtype",
+    "sender": "sender node sendernode transmitter txnode ecu source station",
+    "bits": "bits framelength framebits",
+    "note": "note notes remark remarks comment comments description no nr item pos receiver "
+    "receivers receivingnode rx rxnode direction dir signal signals content contents system type "
+    "sendtype messagetype bus channel network priority prio pgn revision rev status",
 }
-_SYNONYMS = {other: column for column, others in _TITLES.items() for other in others.split()}
 
-#: Pattern of a title with its unit, and the power of ten that converts each unit to ms. The pattern
-#: is slow for some titles longer than `_LONGEST`.
-_UNIT = re.compile(
-    r"(.*?)[\s_]*(?:[\[(]|[\s_]|,|/|\bin\b)\s*(ms|s|us|\xb5s|hex|dec)\s*[\])]?", re.I
+_YES = dict.fromkeys("yes y x true 1 ext extended 29 29bit".split(), True) | dict.fromkeys(
+    "no n false 0 std standard 11 11bit".split(), False
 )
-_LONGEST = 100
-_POWERS = {"ms": 0, "s": 3, "us": -3, "\xb5s": -3}
 
-_WHOLE = re.compile(r"[0-9]{1,12}(\.0)?|0[xX][0-9a-fA-F]{1,8}")
-_YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
+
+class _Messages(Cells):
+    """The cells of a list of messages."""
+
+    words = Words(
+        {plain(word): column for column, all_ in _TITLES.items() for word in all_.split()},
+        dict.fromkeys((f"{time}_ms" for time in TIMES), "ms")
+        | {"arbitration_id": "dec", "dlc": "byte", "bits": "bit"},
+    )
+    noun, key = "message", "name"
+    titled_by = frozenset({"name", "arbitration_id"})
+    needs_unit = frozenset(f"{time}_ms" for time in TIMES)
+    hint = "columns= or --column TITLE=NAME may define them"
+
+    def __init__(self, sheet: Sheet, own: Mapping[str, str], period: float | None) -> None:
+        self.needed = _NEEDED if period is None else _NEEDED[:3]
+        super().__init__(sheet, tuple(own.items()), is_saved=sheet.titles == COLUMNS)
+
+    def column_faults(self) -> list[str]:
+        """Return which of the required columns are missing."""
+        return [f"no column {name}" for name in self.needed if name not in self.places]
+
+    def is_entry(self, cell: Callable[[str], str]) -> bool:
+        """Return whether a row has an identifier, a length or a period."""
+        return any(map(cell, _NEEDED[1:]))
 
 
 def set_faults(messages: Iterable[Message]) -> list[tuple[int, str]]:
@@ -238,6 +261,8 @@ class MessageSet(Named[Message]):
         notes of `read_messages`, indexed by ``name``; None for other sets.
     any_source : iterable of str, optional
         Names of the J1939 messages, which `compare` recognises by their PGN from any source.
+    remarks : iterable of str, optional
+        Remarks on rows and columns of the file that were not used, filled in or assumed.
 
     Examples
     --------
@@ -255,10 +280,12 @@ class MessageSet(Named[Message]):
         overlooked: Iterable[str] = (),
         observed: pd.DataFrame | None = None,
         any_source: Iterable[str] = (),
+        remarks: Iterable[str] = (),
     ) -> None:
         self.overlooked = tuple(overlooked)
         self.observed = observed
         self.any_source = frozenset(any_source)
+        self.remarks = tuple(remarks)
         items = list(messages)
         if faults := set_faults(items):
             raise ArgumentError("; ".join(fault for _, fault in faults))
@@ -302,7 +329,8 @@ class MessageSet(Named[Message]):
 
     def __repr__(self) -> str:
         faults = f"; {len(self.overlooked)} faults overlooked" if self.overlooked else ""
-        return f"MessageSet({counted(self.names)}{faults})"
+        remarks = f"; {'; '.join(self.remarks)}" if self.remarks else ""
+        return f"MessageSet({counted(self.names)}{faults}{remarks})"
 
     def replace(self, name: str, **new: Any) -> MessageSet:
         """Return a copy with some fields of one message replaced.
@@ -353,7 +381,8 @@ class MessageSet(Named[Message]):
     @classmethod
     def parse(cls, text: str) -> MessageSet:
         """Return the messages in CSV text of the form that `read_messages` accepts."""
-        return _from_sheet(parse_sheet(text, "text", is_titles=_is_titles), {}, None)
+        sheet = parse_sheet(text, "text", is_titles=_Messages.score(), what=_WHAT)
+        return _from_sheet(sheet, {}, None)
 
     @property
     def text(self) -> str:
@@ -487,8 +516,17 @@ def read_list(
     """Return the messages in a CSV, Excel or DBC file."""
     if path.suffix.lower() == ".dbc":
         return parse_dbc(text_of(read_bytes(path)), str(path), period, strict)
-    sheet = read_sheet(path, is_titles=_is_titles)
-    return _from_sheet(sheet, {k.strip().lower(): v for k, v in (columns or {}).items()}, period)
+    own = {title.strip(): column for title, column in (columns or {}).items()}
+    sheet = read_sheet(path, is_titles=_Messages.score(tuple(own.items())), what=_WHAT)
+    titles = {plain(title) for title in sheet.titles}
+    for title, column in own.items():
+        if plain(title) not in titles:
+            known = ", ".join(sheet.titles)
+            raise InputError(sheet.source, f"no column {title!r}; the titles are {known}")
+        if _Messages.words.column_of(column) is None:
+            legal = ", ".join((*COLUMNS, "note"))
+            raise ArgumentError(f"columns has {column!r}; it must be one of {legal}")
+    return _from_sheet(sheet, own, period)
 
 
 #: Limits of a DBC file, beyond which cantools needs seconds and gigabytes: bytes of a message (1785
@@ -591,82 +629,61 @@ def one_line(problem: Exception) -> str:
     return (text if len(text) <= 150 else text[:147] + "...") or type(problem).__name__
 
 
-def _is_titles(cells: Sequence[str]) -> int:
-    """Return a score for how likely a row is to be the title row: 0 if empty or a comment."""
-    if not any(cells) or cells[0].startswith("#"):
-        return 0
-    return 1 + sum(_Title.of(cell.lower()).column in (*COLUMNS, *TIMES) for cell in cells)
-
-
-def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) -> MessageSet:
+def _from_sheet(sheet: Sheet, own: Mapping[str, str], period: float | None) -> MessageSet:
     """Return the messages in a sheet, or raise an error that lists all faults."""
-    titles = [title.lower() for title in sheet.titles]
-    if missing := sorted(set(renamed) - set(titles)):
-        known = ", ".join(titles)
-        raise InputError(sheet.source, f"no column {missing[0]!r}; the titles are {known}")
-    read = [_Title.of(renamed.get(title, title)) for title in titles]
-    columns = [title.column for title in read]
-    usual = {} if period is None else {"period_ms": _milliseconds(period)}
-    faults = []
-    for at, (column, title) in enumerate(zip(columns, titles, strict=True), start=1):
-        where = f"column {at}: title {title!r}"
-        if column in TIMES:
-            faults.append(f"{where} has no unit; write {column}_ms or {column} [s], for example")
-        elif column not in (*COLUMNS, "note"):
-            legal = f"expected one of {', '.join(COLUMNS)}, or note for a column to ignore"
-            faults.append(f"{where} is unknown; {legal}")
-    twice = sorted({title for title in columns if columns.count(title) > 1 and title != "note"})
-    faults += [f"title {title!r} appears twice" for title in twice]
-    faults += [f"no column {title}" for title in _NEEDED if title not in (*columns, *usual)]
-    if faults:
-        raise InputError(sheet.source, *faults)
-    messages, width = [], len(columns)
-    for line, row in sheet.rows:
-        place = f"row {line}"
-        if any(row[width:]):
-            faults.append(f"{place} has {len(row)} cells; expected {width}")
+    cells = _Messages(sheet, own, period)
+    is_hex = cells.units.get("arbitration_id") == "hex"
+    columns: dict[str, list[Any]] = {}
+    for (field, kind), column in zip(_KINDS.items(), COLUMNS, strict=True):
+        if column in cells.needed:
+            cells.wrong(np.flatnonzero(~cells.given(column)).tolist(), column, "a value")
+        if field == "arbitration_id":
+            legal = "an identifier 0..0x7FF, or 0x1FFFFFFF if extended"
+            columns[field] = cells.values(column, lambda cell: _identifier(cell, is_hex), legal)
+        elif isinstance(kind, Switch):
+            columns[field] = cells.values(column, lambda cell: _YES[plain(cell)], "yes or no")
+        elif isinstance(kind, Number | Whole):
+            whole, target = isinstance(kind, Whole), "s" if field in TIMES else ""
+            values = cells.numbers(column, kind.low, kind.high, target, whole=whole).tolist()
+            convert = int if whole else float
+            columns[field] = [None if value != value else convert(value) for value in values]
+        else:
+            columns[field] = cells.values(column, _printable, "printable text")
+    messages: list[tuple[int, Message]] = []
+    for row, values in enumerate(zip(*columns.values(), strict=True)):
+        if row in cells.faulty:
             continue
-        filled = {key.column: key.plain(cell) for key, cell in zip(read, row, strict=False) if cell}
-        number = filled.get("arbitration_id", "")
-        if "extended" not in columns and _WHOLE.fullmatch(number):
-            long = len(number) == 10 or _whole(number) > 0xFFFF
-            filled["extended"] = "yes" if long else "no"
-        message, wrong = _message(usual | filled)
-        faults += [f"{place}, {fault}" for fault in wrong]
-        if message is not None:
-            messages.append((place, message))
-    return _checked(sheet.source, messages, faults, "has no message; expected one row per message")
+        fields = {
+            field: value for field, value in zip(columns, values, strict=True) if value is not None
+        }
+        fields["arbitration_id"], is_long = fields["arbitration_id"]
+        if "extended" not in cells.places:
+            fields["extended"] = is_long
+        try:
+            messages.append((row, Message(**{"period": period} | fields)))
+        except ArgumentError as fault:
+            cells.fault(row, "arbitration_id", f", {fault}")
+    for place, why in set_faults(message for _, message in messages):
+        cells.fault(messages[place][0], "name", f": {why}")
+    cells.check()
+    return MessageSet((message for _, message in messages), remarks=cells.shown)
 
 
-class _Title(NamedTuple):
-    """The column a title denotes, the power of ten from its unit to ms, and its number base."""
+def _printable(cell: str) -> str:
+    if not cell.isprintable():
+        raise ValueError
+    return cell
 
-    column: str
-    power: int = 0
-    hexadecimal: bool = False
 
-    @classmethod
-    def of(cls, title: str) -> _Title:
-        """Interpret a lower-case title; the column of an unknown title is the title itself."""
-        if title in COLUMNS:
-            return cls(title)
-        match = _UNIT.fullmatch(title) if len(title) < _LONGEST else None
-        words, unit = (match[1], match[2]) if match else (title, "")
-        plain = re.sub(r"[\W_]", "", words)
-        plain = _SYNONYMS.get(plain, plain.replace("arbitrationid", "arbitration_id"))
-        if plain in TIMES:
-            return cls(f"{plain}_ms" if unit in _POWERS else plain, _POWERS.get(unit, 0))
-        return cls(plain if plain in (*COLUMNS, "note") else title, 0, unit == "hex")
-
-    def plain(self, cell: str) -> str:
-        """Return a cell converted to the unit and form of the standard column."""
-        if self.power and NUMBER.fullmatch(cell):
-            return f"{Decimal(cell).scaleb(self.power):f}"
-        if self.column == "arbitration_id":
-            digits = cell.lower().removesuffix("h")
-            if digits != cell.lower() or (self.hexadecimal and not digits.startswith("0x")):
-                return "0x" + digits
-        return cell
+def _identifier(cell: str, is_hex: bool) -> tuple[int, bool]:
+    """Return an identifier, and whether its digits show that it has 29 bits."""
+    digits = widened(cell).lower().removesuffix(".0")
+    bare = digits.removesuffix("h").removeprefix("0x")
+    base = 16 if is_hex or bare != digits else 10
+    number = int(bare, base) if bare.isalnum() and bare.isascii() and len(bare) < 13 else -1
+    if not 0 <= number <= highest_id(True):
+        raise ValueError
+    return number, number > 0xFFFF or (base == 16 and len(bare) == 8)
 
 
 def _checked(
@@ -684,47 +701,6 @@ def _checked(
     if faults:
         raise InputError(source, *faults)
     return MessageSet(messages, any_source=any_source)
-
-
-def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:
-    """Return the message in the filled cells of a row, or the faults of the row."""
-    faults = []
-    fields: dict[str, Any] = {}
-    for (field, kind), column in zip(_KINDS.items(), COLUMNS, strict=True):
-        cell = cells.get(column, "")
-        if cell:
-            fields[field], legal = _read_cell(field, kind, cell)
-            if fields[field] is None:
-                faults.append(f"column {column}: {cell!r}; expected {legal}")
-        elif column in _NEEDED:
-            faults.append(f"column {column} is empty; it is required")
-    if not faults:
-        try:
-            return Message(**fields), []
-        except ArgumentError as fault:
-            faults.append(str(fault))
-    return None, faults
-
-
-def _read_cell(field: str, kind: Kind, cell: str) -> tuple[Any, str]:
-    """Return the value of a cell (None if illegal), and a description of the legal values."""
-    if isinstance(kind, Number):
-        time = float(Decimal(cell).scaleb(-3)) if NUMBER.fullmatch(cell) else -1
-        legal = f"a number {kind.low * 1e3:g}..{kind.high * 1e3:g} ms"
-        return time if kind.low <= time <= kind.high else None, legal
-    if isinstance(kind, Whole):
-        whole = _whole(cell) if _WHOLE.fullmatch(cell) else -1
-        identifier = "an identifier 0..0x7FF, or 0x1FFFFFFF if extended"
-        legal = identifier if field == "arbitration_id" else f"a whole number {kind.legal}"
-        return whole if kind.low <= whole <= kind.high else None, legal
-    if isinstance(kind, Switch):
-        return _YES.get(cell.lower()), "yes or no"
-    return cell if cell.isprintable() else None, "printable text"
-
-
-def _whole(cell: str) -> int:
-    """Convert decimal digits, or 0x and hexadecimal digits, to a whole number."""
-    return int(cell.removesuffix(".0"), 16 if cell[:2] in ("0x", "0X") else 10)
 
 
 def _milliseconds(time: float) -> str:

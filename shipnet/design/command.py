@@ -20,8 +20,7 @@ from shipnet.tables import csv_text
 def settings_of(arguments: argparse.Namespace) -> Settings:
     """Return the settings given on a command line."""
     settings = Settings() if arguments.settings is None else Settings.read(arguments.settings)
-    redundant = {"redundant": True} if arguments.redundant else {}
-    return settings.replace({**dict(map(_setting, arguments.set)), **redundant})
+    return settings.replace(dict(map(_setting, arguments.set)))
 
 
 def _setting(text: str) -> tuple[str, object]:

@@ -100,8 +100,8 @@ class Comparison:
     >>> from shipnet.design import IoList
     >>> points = IoList.parse("tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3")
     >>> found = points.compare((0, 0, 0), ["home runs", "AS-i", "CAN"])
-    >>> found
-    <Comparison: cheapest design that connects every point and violates no rule: home runs, 610 EUR>
+    >>> found.verdict.partition(" (")[0]
+    'home runs, 610 EUR, is the cheapest design that connects every point and violates no rule'
     >>> found.table()["conductors_at_cabinet"].to_dict()
     {'home runs': 4.0, 'AS-i': 2.0, 'CAN': 4.0}
     >>> more = found.add(found.plan("AS-i", settings={"asi.tree": False}, name="chain"))
@@ -151,11 +151,12 @@ class Comparison:
 
     def _row(self, name: str) -> dict[str, float]:
         design, figures = self.designs[name], self.quantities[name].figures
+        left_out = {"points_left_out": int((~design.points["fits"]).sum())}
         verdicts = self._checked[name].table()["verdict"].value_counts()
         most = worst(design._failures).set_index("failure")["points_lost"]
         cable = max(most.get("cut", 0), most.get("short", 0))
-        return {
-            "points_left_out": int((~design.points["fits"]).sum()),
+        row = {
+            **left_out,
             **figures["nominal"],
             "total_cost_low_eur": figures.loc["total_cost_eur", "low"],
             "total_cost_high_eur": figures.loc["total_cost_eur", "high"],
@@ -168,6 +169,7 @@ class Comparison:
             "rules_violated": int(verdicts.get("violated", 0)),
             "rules_not_verified": int(verdicts.get("not verified", 0)),
         }
+        return {**dict.fromkeys(row, np.nan), **left_out} if not design.connected else row
 
     @staticmethod
     def _optimal(table: pd.DataFrame, columns: Sequence[str]) -> npt.NDArray[np.bool_]:
@@ -203,20 +205,75 @@ class Comparison:
     @property
     def verdict(self) -> str:
         """The result of the comparison in one line."""
-        table = self._table[self._table["points_left_out"] == 0]
-        if table.empty:
-            return "no design connects all points"
+        connecting = [name for name, design in self.designs.items() if design.connected]
+        parts = []
+        if len(connecting) < min(2, len(self.designs)):
+            only = "".join(f"only {name} can connect points" for name in connecting)
+            parts.append(f"nothing to compare: {only or 'no design can connect a point'}")
+            if not self.iolist.located.any():
+                parts.append("give the position of each point, as x, y, z or frame, deck and side")
+        elif all(self._table["points_left_out"]):
+            parts.append("no design connects all points")
+        elif self.best is None:
+            parts.append("every design that connects all points violates a rule")
+        return "; ".join([*parts, *self._winner, *self._remedy])
+
+    @property
+    def _winner(self) -> Iterator[str]:
+        """Phrases on the best design, with its doubts, and on a cheaper one that violates rules."""
         if self.best is None:
-            return "every design that connects all points violates a rule"
-        best, costs = self.best.name, table["total_cost_eur"]
-        said = "cheapest design that connects every point and violates no rule: "
-        said += f"{best}, {number(costs[best])} EUR"
-        if costs.min() < costs[best]:
-            least = str(costs.idxmin())
-            count, more = int(table["rules_violated"][least]), number(costs[best] - costs[least])
-            rules = f"{count} rule{'s' * (count > 1)}"
-            said += f"; {more} EUR more than {least}, which violates {rules}"
-        return said
+            return
+        costs = self._table["total_cost_eur"][self._table["points_left_out"] == 0]
+        best, rank, doubts = self.best.name, "only", []
+        if len(self.meeting) > 1:
+            # A random sample cannot show a probability of 0 or 1.
+            percent = f"{100 * np.clip(self.chances[best], 0.01, 0.99):.0f} %"
+            rank, doubts = "cheapest", [f"cheapest with {percent} probability"]
+        rules = self._checked[best].table()
+        not_verified = rules[rules["verdict"] == "not verified"]
+        unread = int((not_verified["confirmed"] == "no").sum())
+        if count := len(not_verified):
+            more = f", {unread} unread" if unread else ""
+            doubts.append(f"{count} of {len(rules)} rules not verified{more}")
+        doubt = f" ({'; '.join(doubts)})" if doubts else ""
+        which = f"the {rank} design that connects every point and violates no rule{doubt}"
+        yield f"{best}, {number(costs[best])} EUR, is {which}"
+        least = str(costs.idxmin())
+        if (less := costs[best] - costs[least]) > 0:
+            yield f"{least} costs {number(less)} EUR less but violates {self._violated[least]}"
+
+    @cached_property
+    def _remedy(self) -> list[str]:
+        """At most one phrase: a doubled bus that is not compared, but would be the best design."""
+        others = [
+            plan(self.iolist, self.site, way, settings=design.settings, rules=self.rules)
+            for name, design in self.designs.items()
+            if name in self._violated and (way := f"{name} doubled") in {*OPTIONS} - {*self.designs}
+        ]
+        best = self.add(*others).best if others else None
+        if best is None or best.name in self.designs:
+            return []
+        cost = number(best.quantities()["total_cost_eur"])
+        return [f"{best.name} would cost {cost} EUR and violate none of the rules verified"]
+
+    @cached_property
+    def chances(self) -> dict[str, float]:
+        """Probability that each of `meeting` is the cheapest, with assumptions drawn at random."""
+        if not self.meeting:
+            return {}
+        costs = np.stack([self._sample[name, "total_cost_eur"] for name in self.meeting])
+        wins = np.bincount(costs.argmin(axis=0), minlength=len(costs))
+        return dict(zip(self.meeting, (wins / wins.sum()).tolist(), strict=True))
+
+    @property
+    def _violated(self) -> dict[str, str]:
+        """The first three rules that each design violates, in words, if it violates any."""
+        words = {}
+        for name, findings in self._checked.items():
+            if rules := [repr(rule) for rule in findings.violated()["rule"]]:
+                more = f" and {len(rules) - 3} more" if len(rules) > 3 else ""
+                words[name] = ", ".join(rules[:3]) + more
+        return words
 
     @cached_property
     def _checked(self) -> dict[str, Findings]:
@@ -256,8 +313,12 @@ class Comparison:
 
     @cached_property
     def _likely(self) -> pd.DataFrame:
+        return likely(self._sample)
+
+    @cached_property
+    def _sample(self) -> pd.DataFrame:
         # Draw from a copy of rng, so that every comparison with this rng has the same draws.
-        return likely(draw(self.designs, rng=deepcopy(self.rng)))
+        return draw(self.designs, rng=deepcopy(self.rng))
 
     def tornado(
         self, a: str | None = None, b: str | None = None, *, figure: str = "total_cost_eur"
@@ -310,14 +371,10 @@ class Comparison:
 
     def conclusions(self) -> list[str]:
         """Return the results of the comparison as sentences."""
-        said, table = [], self._table
-        for name, design in self.designs.items():
-            if left := int(table["points_left_out"][name]):
-                said.append(
-                    f"{name} leaves out {left} of {len(design.points)} points{_why(design)}."
-                )
+        table = self._table
+        said = [*_alike("leave", _left_out(self.designs)), *_alike("violate", self._violated)]
         said += _lengths(self.designs)
-        said += _prices(self.quantities, self.designs)
+        said += _alike("cost", _limits(self.quantities, self.designs))
         said += self._safe_points
         whole = table[table["points_left_out"] == 0]
         said = [f"{self.verdict[:1].upper()}{self.verdict[1:]}.", *said]
@@ -338,7 +395,9 @@ class Comparison:
     def _safe_points(self) -> list[str]:
         """At most one sentence: where intrinsic-safety barriers are, and the alternative's cost."""
         safe = (self.iolist.points["ex"] != "").to_numpy()
-        buses = [name for name in OPTIONS[2:] if name in self.designs]
+        buses = [
+            name for name in OPTIONS[2:] if name in self.designs and self.designs[name].connected
+        ]
         said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
         if not safe.any() or not buses:
             return [f"{said}the cabinet."] if safe.any() else []
@@ -351,7 +410,7 @@ class Comparison:
         where, other_way = "the cabinet", "field_barriers, which connects such points to the bus"
         if onto:
             where, other_way = "its box", "home runs to barriers in the cabinet"
-        return [f"{said}{where}; {name} {_costs(more)} with {other_way}."]
+        return [f"{said}{where}; {name} costs {_than(more)} with {other_way}."]
 
     def short(self) -> pd.DataFrame:
         """Return the most important results as text, with one column per design."""
@@ -370,7 +429,11 @@ class Comparison:
             for row in self.changes().to_dict("records")
         ]
         top = [str(self.iolist), *self.iolist.remarks, *self.remarks, *changed]
-        return "\n".join([*top, f"\n{self.short().to_string()}\n", *self.conclusions(), BANNER])
+        used = pd.concat([each.assumptions for each in self.quantities.values()])
+        status = used.drop_duplicates("name")["status"]
+        assumed = f"{(status != 'given').sum()} of {len(status)}"
+        last = f"{BANNER} {assumed} prices, masses, hours and factors are assumed."
+        return "\n".join([*top, f"\n{self.short().to_string()}\n", *self.conclusions(), last])
 
     def __repr__(self) -> str:
         return f"<Comparison: {self.verdict}>"
@@ -512,19 +575,35 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
         )
 
 
-def _prices(quantities: Mapping[str, Quantities], designs: Mapping[str, Design]) -> Iterator[str]:
-    """Yield a sentence on the cost of the rules' response limits for each design affected."""
-    for name, design in designs.items():
-        if (loose := design.without_limits) is not None:
-            more = quantities[name]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
-            yield f"With the rules' response limits, {name} {_costs(more)} without them."
+def _limits(quantities: Mapping[str, Quantities], designs: Mapping[str, Design]) -> dict[str, str]:
+    """Return the cost of the rules' response limits, in words, for each design affected."""
+    loose = {name: each for name, design in designs.items() if (each := design.without_limits)}
+    cost = "total_cost_eur"
+    more = {name: quantities[name][cost] - loose[name].quantities()[cost] for name in loose}
+    return {name: f"{_than(more[name])} without the rules' response limits" for name in loose}
 
 
-def _costs(more: float) -> str:
-    """Return the verb phrase that compares one cost with another."""
+def _than(more: float) -> str:
+    """Return the phrase that compares one cost with another."""
     if not round(more):
-        return "costs as much as"
-    return f"costs {number(abs(more))} EUR {'less' if more < 0 else 'more'} than"
+        return "as much as"
+    return f"{number(abs(more))} EUR {'less' if more < 0 else 'more'} than"
+
+
+def _alike(verb: str, objects: Mapping[str, str]) -> Iterator[str]:
+    """Yield a sentence for each object, about the designs that share it."""
+    for what in dict.fromkeys(objects.values()):
+        names = [name for name in objects if objects[name] == what]
+        yield f"{', '.join(names)} {verb}{'s' * (len(names) == 1)} {what}."
+
+
+def _left_out(designs: Mapping[str, Design]) -> dict[str, str]:
+    """Return how many points a design leaves out, and why, for each design that does."""
+    return {
+        name: f"out {left} of {len(design.points)} points{_why(design)}"
+        for name, design in designs.items()
+        if (left := int((~design.points["fits"]).sum()))
+    }
 
 
 def _why(design: Design) -> str:

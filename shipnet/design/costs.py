@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import floor, isinf, isnan, log10
+from math import floor, isinf, isnan, log10, nan
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
@@ -238,6 +238,8 @@ class Quantities:
         return plot_ranges(ends, f"cost of {self.name} [EUR]", ax=ax)
 
     def __repr__(self) -> str:
+        if isnan(self["total_cost_eur"]):
+            return f"<Quantities of {self.name!r}: no point is connected>"
         cost = self.figures.loc["total_cost_eur"]
         left_out = f"; {self.unconnected} points not connected" if self.unconnected else ""
         return (
@@ -257,6 +259,7 @@ class Model:
     """The figures of one design as a function of the assumptions."""
 
     def __init__(self, design: Layout) -> None:
+        self._connected = design.connected
         self.items = items_of(design)
         self.assumptions = design.settings.assumptions
         self._at_cabinet = conductors_at_cabinet(design)
@@ -285,6 +288,8 @@ class Model:
         self, levels: Mapping[str, Level] | None = None, *, others: Level = "nominal"
     ) -> dict[str, Any]:
         """Return every figure with some assumptions at `levels`, and all others at `others`."""
+        if not self._connected:  # the design has no figures
+            return dict.fromkeys(FIGURES, nan)
         given, laid = {} if levels is None else levels, self._sums
 
         def at(name: str) -> Floats:
@@ -487,6 +492,9 @@ class Tornado:
         """Return the names of up to `n` assumptions with a non-zero swing, largest swing first."""
         most = check_whole("n", n, 0, 1000)
         return [str(name) for name in self.every.index[self.every["swing"] > 0][:most]]
+
+    def __repr__(self) -> str:
+        return f"<Tornado: {self}>"
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""

@@ -245,7 +245,8 @@ class Draft:
         self.spots: list[Place] = list(map(tuple, self.places.tolist()))
         need = points["update_ms"].fillna(1e3 * self.settings.update).to_numpy(float) / 1e3
         self.need: Floats = np.minimum(need, self.longest)
-        self.common = np.array([SIGNALS[str(s)].common for s in points["signal"]], dtype=np.int64)
+        self.signals = points["signal"].to_numpy(object)
+        self.common = np.array([SIGNALS[signal].common for signal in self.signals], dtype=np.int64)
         self.wires = points["conductors"].to_numpy(np.int64) + self.common
         self.types: list[str] = points["type"].tolist()
         self.tags: list[str] = points["tag"].tolist()
@@ -255,17 +256,17 @@ class Draft:
         self._response = np.full(n, np.nan)
         self._taken = set(self.tags)
         self._numbers: Counter[tuple[str, str]] = Counter()
-        self._in_cabinet: set[str] = set()
+        self.in_cabinet: set[str] = set()
         self._rows: dict[str, list[dict[str, Any]]] = {name: [] for name in COLUMNS}
         self.middle: Place = tuple(float(x) for x in self.site.cabinet)  # type: ignore[assignment]
         self.cabinet = self.device("cabinet", "cabinet", "", self.middle)
-        self._in_cabinet.add(self.cabinet)
+        self.in_cabinet.add(self.cabinet)
 
     def device(self, name: str, kind: str, segment: str, place: Place, at: str = "") -> str:
         """Add a device, and return its name, with a number if the name is taken."""
         free = self._free(name)
-        if at and at in self._in_cabinet:
-            self._in_cabinet.add(free)
+        if at and at in self.in_cabinet:
+            self.in_cabinet.add(free)
         x, y, z = place
         self._rows["devices"].append(
             {"device": free, "kind": kind, "segment": segment, "x_m": x, "y_m": y, "z_m": z,
@@ -302,7 +303,7 @@ class Draft:
         self._rows["cables"].append(
             {"run": self._free(name), "cable": cable.id, "a": a, "b": b,
              "segment": segment, "kind": kind, "used": used, "conductors": cable.conductors,
-             "at_cabinet": a in self._in_cabinet or b in self._in_cabinet, "line": line,
+             "at_cabinet": a in self.in_cabinet or b in self.in_cabinet, "line": line,
              "start": laid.start, "end": laid.end, "length": laid.length, "share": laid.share}
         )  # fmt: skip
 
@@ -329,6 +330,10 @@ class Draft:
         ):
             column[row] = value
         self._response[row] = response
+
+    def segments(self, bus: str) -> int:
+        """Return the number of segments of a bus so far."""
+        return sum(row["bus"] == bus for row in self._rows["segments"])
 
     def segment(self, rows: Indices, **columns: Any) -> None:
         """Add a segment, with the response and update time of the point nearest to its limit."""
@@ -391,7 +396,7 @@ class Draft:
             if supply in idle:  # the idle supply moves to the device
                 idle.remove(supply)
                 given |= {"x_m": x, "y_m": y, "z_m": z, "at": ""}
-                self._in_cabinet.discard(name)
+                self.in_cabinet.discard(name)
             else:
                 name = self.device(name, given["kind"], row["segment"], row["end"])
             row |= {"a": name, "start": row["end"], "at_cabinet": False}
@@ -525,13 +530,17 @@ def lay(
     stations: Sequence[Box],
     trunk: Backbone,
     cable: str,
-    repeaters: Sequence[int] = (),
+    repeaters: Sequence[int],
+    doubled: bool,
 ) -> list[str]:
-    """Add the devices, trunks and feeders of a segment, and return the names of the stations."""
+    """Add the devices, trunks and feeders of a segment, and return the names of the stations.
+
+    If `doubled`, there are two lines, each with a trunk, a master and a supply of its own.
+    """
     names = [draft.device(f"{bus} {box.name}", "station", segment, box.place) for box in stations]
     places = [draft.middle, *(box.place for box in stations)]
     hops, feeder = list(pairwise(places)), cables()[draft.settings.feeder]
-    for line in ("A", "B") if draft.settings.redundant else ("",):
+    for line in ("A", "B") if doubled else ("",):
         of = f" {line}" if line else ""
         master = draft.device(f"{segment} master{of}", "master", segment, places[0], draft.cabinet)
         # If a station has a repeater, the trunk cable to the next station starts at the repeater.

@@ -6,6 +6,8 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from math import nan
+from typing import Any, TypeAlias
 
 from shipnet.design.layout import Layout
 from shipnet.lazy import pd
@@ -136,97 +138,115 @@ def _text(x: float, y: float, words: str, style: str = "", most: int = 200) -> s
     return f'<text x="{x:g}" y="{y:g}" {style}>{escape(shown)}</text>' if shown else ""
 
 
+#: A device: name, kind, and the device whose housing contains it. A trunk: its ends, the key of
+#: its cable, its line, and its length [m].
+_Device: TypeAlias = "tuple[str, str, str]"
+_Trunk: TypeAlias = "tuple[str, str, str, str, float]"
+
+
 def _rows(design: Layout) -> Iterator[_Row]:
     """Yield the rows of the drawing: the hardwired points, then each segment."""
-    counts = _counts(design)
-    hardwired = _hardwired(design, counts)
-    blocks = [("hardwired", _COLOURS[-1], hardwired)] if hardwired.children else []
-    runs = design.cables[design.cables["kind"] == "trunk"]
+    devices, trunks = defaultdict[str, list[_Device]](list), defaultdict[str, list[_Trunk]](list)
     feeders = design.cables[design.cables["kind"] == "feeder"]
-    fed = dict(zip(feeders["a"], feeders["b"], strict=True))
-    # A supply without a housing is drawn beside the device that it feeds.
-    at = design.devices["at"]
-    housed = at.where(at != "", design.devices["device"].map(fed))
-    placed = design.devices.assign(at=housed.fillna(""))
-    devices, trunks = (
-        {name: table.iloc[rows] for name, rows in table.groupby("segment").indices.items()}
-        for table in (placed, runs)
-    )
-    for number, segment in enumerate(design.segments.itertuples()):
-        colour = _COLOURS[number % len(_COLOURS)]
-        trunk = trunks.get(segment.segment, runs[:0])
-        lines = " on each of two lines" if (trunk["line"] == "B").any() else ""
-        said = (
-            f"{segment.segment}: {segment.points} points, {segment.length_m:.0f} m of "
-            f"{', '.join(trunk['cable'].unique())}{lines}"
+    fed = dict(zip(feeders["a"].tolist(), feeders["b"].tolist(), strict=True))
+    for segment, name, kind, at in _values(design.devices, "segment", "device", "kind", "at"):
+        # A supply without a housing is drawn beside the device that it feeds.
+        devices[segment].append((name, kind, at or fed.get(name, "")))
+    laid = design.cables[design.cables["kind"] == "trunk"]
+    columns = "a", "b", "cable", "line", "length_m"
+    for segment, trunk in zip(laid["segment"].tolist(), _values(laid, *columns), strict=True):
+        trunks[segment].append(trunk)
+    counts = _counts(design)
+    hardwired = _hardwired(design, devices[""], trunks[""], counts)
+    blocks = [("hardwired", _COLOURS[-1], hardwired)] if hardwired.children else []
+    for number, (segment, points, length) in enumerate(
+        _values(design.segments, "segment", "points", "length_m")
+    ):
+        colour, runs = _COLOURS[number % len(_COLOURS)], trunks[segment]
+        single = [run for run in runs if run[3] != "B"]
+        words = (
+            f"{segment}: {points} points, {length:.0f} m of "
+            f"{', '.join(dict.fromkeys(cable for _, _, cable, *_ in runs))}"
+            f"{' on each of two lines' if len(single) < len(runs) else ''}"
         )
-        own = devices.get(segment.segment, placed[:0])
-        root = _tree(str(segment.segment), own, trunk[trunk["line"] != "B"], counts)
-        blocks.append((said, colour, root))
-    for said, colour, root in blocks:
-        title, end = _Row(said, kind="title"), _Row("", kind="title")
+        blocks.append((words, colour, _tree(segment, devices[segment], single, counts)))
+    for words, colour, root in blocks:
+        title, end = _Row(words, kind="title"), _Row("", kind="title")
         for row in (title, *_laid(root, star=root is hardwired), end):
             row.colour = colour
             yield row
 
 
+def _values(table: pd.DataFrame, *columns: str) -> Iterator[tuple[Any, ...]]:
+    """Yield some values of each row as Python objects."""
+    return zip(*(table[column].tolist() for column in columns), strict=True)
+
+
 def _counts(design: Layout) -> dict[str, str]:
     """Return, for each device, the number of its points by type and their systems, in words."""
-    said = {}
-    for device, own in design.iolist.points.groupby(design.points["device"]):
-        kinds = " ".join(f"{n} {kind}" for kind, n in sorted(Counter(own["type"]).items()))
-        names = [name for name in own["system"].unique() if name]
+    types, systems = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
+    listed = _values(design.iolist.points, "type", "system")
+    for device, (kind, system) in zip(design.points["device"].tolist(), listed, strict=True):
+        types[device].append(kind)
+        systems[device].append(system)
+    words = {}
+    for device, kinds in types.items():
+        names = [name for name in dict.fromkeys(systems[device]) if name]
         if len(names) > 2:
             names = [f"{len(names)} systems"]
-        said[str(device)] = ", ".join([kinds, *names])
-    return said
+        counted = " ".join(f"{n} {kind}" for kind, n in sorted(Counter(kinds).items()))
+        words[device] = ", ".join([counted, *names])
+    return words
 
 
-def _hardwired(design: Layout, counts: dict[str, str]) -> _Node:
+def _hardwired(
+    design: Layout, devices: Sequence[_Device], trunks: Sequence[_Trunk], counts: dict[str, str]
+) -> _Node:
     """Return the cabinet with the boxes, and the home runs of each system."""
     root = _Node(_Row(design.cabinet, kind="cabinet"))
-    runs, devices = design.cables, design.devices
-    trunks = runs[(runs["kind"] == "trunk") & (runs["segment"] == "")]
-    for box in devices.loc[devices["kind"] == "box", "device"]:
-        own = trunks[trunks["b"] == box]
-        words = f"{' + '.join(own['cable'])}, {counts.get(box, '')}"
-        root.children.append(_Node(_Row(box, words, f"{own['length_m'].max():.0f} m")))
-    home = runs[runs["kind"] == "home run"]
+    cables, lengths = defaultdict[str, list[str]](list), defaultdict[str, list[float]](list)
+    for _, box, cable, _, length in trunks:
+        cables[box].append(cable)
+        lengths[box].append(length)
+    for box in (name for name, kind, _ in devices if kind == "box"):
+        words = f"{' + '.join(cables[box])}, {counts.get(box, '')}"
+        root.children.append(_Node(_Row(box, words, f"{max(lengths[box], default=nan):.0f} m")))
+    home = design.cables[design.cables["kind"] == "home run"]
     system = dict(zip(design.points["tag"], design.iolist.points["system"], strict=True))
-    for name, own in home.groupby([system[tag] for tag in home["b"]], sort=False):
-        metres = own["length_m"]
-        words = f"{len(own)} home runs of {metres.min():.0f} to {metres.max():.0f} m"
-        row = _Row(str(name) or "no system", words, f"{metres.sum() / 1e3:.3g} km")
+    runs = defaultdict[str, list[float]](list)
+    for tag, length in _values(home, "b", "length_m"):
+        runs[system[tag]].append(length)
+    for name, metres in runs.items():
+        words = f"{len(metres)} home runs of {min(metres):.0f} to {max(metres):.0f} m"
+        row = _Row(name or "no system", words, f"{sum(metres) / 1e3:.3g} km")
         root.children.append(_Node(row))
     return root
 
 
 def _tree(
-    segment: str, devices: pd.DataFrame, trunk: pd.DataFrame, counts: dict[str, str]
+    segment: str, devices: Sequence[_Device], trunk: Sequence[_Trunk], counts: dict[str, str]
 ) -> _Node:
     """Return the first master of a segment with the devices on its trunk."""
     inside: dict[str, list[str]] = defaultdict(list)
     nodes: dict[str, _Node] = {}
     root = _Node(_Row("nothing", kind="cabinet"))
-    for row in devices.itertuples():
-        name, kind, at = str(row.device), str(row.kind), str(row.at)
+    for name, kind, at in devices:
         if kind in ("supply", "auxiliary supply", "terminator"):
             inside[at].append(kind)
             continue
-        said = name.removeprefix(f"{segment} ")
-        node = nodes[name] = _Node(_Row(said, counts.get(name, ""), kind=kind))
+        short = name.removeprefix(f"{segment} ")
+        node = nodes[name] = _Node(_Row(short, counts.get(name, ""), kind=kind))
         if kind == "master" and root.row.name == "nothing":
             root, node.row.kind = node, "cabinet"
     children = dict[str, str]()
-    for run in trunk.itertuples():
-        a, b = str(run.a), str(run.b)
-        nodes[b].row.length = f"{run.length_m:.0f} m"
+    for a, b, _, _, length in trunk:
+        nodes[b].row.length = f"{length:.0f} m"
         if children.setdefault(b, a) == a:
             nodes.get(a, root).children.append(nodes[b])
     # A repeater in a housing is drawn below the device there; in the cabinet, below the master.
-    for own in devices[devices["kind"] == "repeater"].itertuples():
-        if str(own.device) not in children and not str(own.device).endswith(" B"):
-            nodes.get(str(own.at), root).children.append(nodes[str(own.device)])
+    for name, kind, at in devices:
+        if kind == "repeater" and name not in children and not name.endswith(" B"):
+            nodes.get(at, root).children.append(nodes[name])
     for name, kinds in inside.items():
         drawn = nodes.get(name, root).row
         drawn.words = f"+ {' + '.join(dict.fromkeys(kinds))} {drawn.words}"

@@ -249,6 +249,11 @@ class Layout:
         return bool(self.points["fits"].all())
 
     @property
+    def connected(self) -> bool:
+        """Whether any point is connected; True for a list without points."""
+        return self.points.empty or bool((self.points["bus"] != "").any())
+
+    @property
     def worst_response_ms(self) -> float:
         """Longest response of the points that fit [ms]; NaN if no point fits."""
         return float(self.points.loc[self.points["fits"], "response_ms"].max())

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache
 from itertools import pairwise
 from math import ceil, inf
@@ -12,8 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import shortest_path
 
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.master import Master
@@ -191,8 +188,11 @@ def _module(
 
 # One line: the route of its cable, its segments between repeaters, and their supplies -----------
 
-#: Minimum length of cable in a plan, and of a piece of cable before a repeater [m].
-_SHORTEST, _WORTH = 0.01, 1.0
+#: Minimum length of a cable in a plan [m].
+_SHORTEST = 0.01
+
+#: Maximum number of divisions compared per node; only nodes with many branches have more.
+_COMPARED = 20
 
 
 class Piece(NamedTuple):
@@ -206,80 +206,152 @@ class Piece(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """The cable and repeaters of a line."""
+    """The cable of a line by segment, and the nodes upstream and downstream of each repeater."""
 
-    pieces: list[Piece]
+    #: Pieces of cable of each segment, by the node at which the segment begins.
+    segments: dict[str, list[Piece]]
     repeaters: list[tuple[str, str]]
-    #: Number of repeaters between the master, node 0, and each node.
-    depths: list[int]
-    reach: float
+    #: Number of repeaters between the master and each node.
+    depths: dict[str, int]
 
     @property
-    def length(self) -> float:
-        """Total length of cable [m]."""
-        return sum(piece.length for piece in self.pieces)
+    def pieces(self) -> list[Piece]:
+        """All pieces of cable."""
+        return [piece for segment in self.segments.values() for piece in segment]
 
 
-@dataclass
-class _Segment:
-    """A segment under construction: number of repeaters before it, and length of its cable [m]."""
+class _Division(NamedTuple):
+    """A way to divide the cable downstream of a node into segments."""
 
-    depth: int
+    #: Repeaters, the most of them in series, and cable of the segment that continues upstream [m].
+    repeaters: int = 0
+    series: int = 0
     used: float = 0.0
+    #: Number of segments that begin at the node, and cable of the last of them [m].
+    begun: int = 0
+    last: float = inf
+    branches: tuple[_Branch, ...] = ()
 
 
-def draw(ways: Floats, cable: Floats, limits: AsiLimits) -> Drawn:
-    """Route the cable of a line from the master past all modules."""
+class _Branch(NamedTuple):
+    """A cable from a node to a module, and everything downstream of the module."""
+
+    #: Number of its segment at the node; 0 is the one that continues upstream.
+    segment: int
+    module: int
+    #: Pieces of the cable [m], with repeaters between them.
+    lengths: list[float]
+    #: Whether a repeater at the module separates the cable from everything downstream.
+    separate: bool
+    downstream: _Division
+
+
+def _joined(
+    node: _Division, module: int, length: float, downstream: _Division, most: float
+) -> Iterator[_Division]:
+    """Yield the divisions of a node with one more branch: a cable to a divided part of the line."""
+    used, lengths = downstream.used, [length]
+    separate = ceil((used + length) / most) > ceil(length / most)
+    if separate:
+        used = 0.0
+    while used + lengths[0] > most:
+        lengths[:1] = [used + lengths[0] - most, most - used]
+        used = 0.0
+    used += lengths[0]
+    more = separate + len(lengths) - 1
+    repeaters, series = node.repeaters + downstream.repeaters + more, downstream.series + more
+
+    def branches(segment: int) -> tuple[_Branch, ...]:
+        return *node.branches, _Branch(segment, module, lengths, separate, downstream)
+
+    if node.used + used <= most:
+        yield node._replace(
+            repeaters=repeaters, series=max(node.series, series), used=node.used + used,
+            branches=branches(0),
+        )  # fmt: skip
+    series = max(node.series, series + 1)
+    if node.last + used <= most:
+        yield node._replace(
+            repeaters=repeaters, series=series, last=node.last + used, branches=branches(node.begun)
+        )
+    begun = node.begun + 1
+    yield _Division(repeaters + 1, series, node.used, begun, used, branches(begun))
+
+
+def _best(divisions: Iterable[_Division], series: int) -> list[_Division]:
+    """Return the divisions that no other equals or beats in every respect, the best first."""
+    best: list[_Division] = []
+    for one in sorted(divisions, key=lambda division: division[:5]):
+        if one.series <= series and len(best) < _COMPARED and not any(
+            two.series <= one.series and two.used <= one.used and two.last <= one.last
+            for two in best
+        ):  # fmt: skip
+            best.append(one)
+    return best
+
+
+def draw(ways: Floats, cable: Floats, limits: AsiLimits) -> Drawn | None:
+    """Route the cable of a line past all modules, with as few repeaters as the limits allow.
+
+    The best divisions of the cable downstream of each node follow from those of the next nodes.
+    Without a limit on repeaters in series, one would be enough: that with the fewest repeaters and
+    then the shortest segment (S. Kundu and J. Misra, "A linear tree partitioning algorithm", SIAM
+    Journal on Computing 6, 1977, pp. 151-154).
+    """
     edges = tree(ways) if limits.tree else list(pairwise(chain(ways)))
-    ends, behind = {0: ("0", _Segment(0))}, dict[int, tuple[str, _Segment]]()
-    reach = {0: 0.0}
-    pieces: list[Piece] = []
-    repeaters: list[tuple[str, str]] = []
+    best = {node: [_Division()] for node in range(len(ways))}
+    for near, far in reversed(edges):
+        if not best[far]:
+            return None
+        length = max(float(cable[near, far]), _SHORTEST)
+        done = _best((one._replace(begun=0, last=inf) for one in best[far]), limits.repeaters)
+        if done[0].repeaters == 0:
+            done = done[:1]  # a single segment can still be separated further upstream
+        best[near] = _best(
+            (joined for node in best[near] for one in done
+             for joined in _joined(node, far, length, one, limits.length)),
+            limits.repeaters,
+        )  # fmt: skip
+    return _drawn(best[0][0]) if best[0] else None
 
-    for near, far in edges:
-        whole = left = max(float(cable[near, far]), _SHORTEST)
-        reach[far] = reach[near] + whole
-        node, segment = ends[near]
-        fits = segment.used + whole <= limits.length
-        if not fits and near in behind:
-            room = limits.length - behind[near][1].used
-            if whole <= room or (whole > limits.length and room >= _WORTH):
-                node, segment = behind[near]
-                fits = whole <= room
-        long = whole > limits.length and limits.length - segment.used >= _WORTH
-        if not fits and not long:
-            repeaters.append((ends[near][0], f"{near} out"))
-            node, segment = f"{near} out", _Segment(ends[near][1].depth + 1)
-            if near in behind:  # a third segment starts here, and its node needs another name
-                node = f"{near} out {len(repeaters)}"
-                repeaters[-1] = (ends[near][0], node)
-            behind[near] = node, segment
-        number = 0
-        while left > limits.length - segment.used:
-            number += 1
-            length = limits.length - segment.used
-            into, out = (f"{near}>{far} {number} {side}" for side in ("in", "out"))
-            pieces.append(Piece(node, into, (near, far), length, length / whole))
-            repeaters.append((into, out))
-            segment.used = limits.length
-            left -= length
-            node, segment = out, _Segment(segment.depth + 1)
-        pieces.append(Piece(node, str(far), (near, far), left, left / whole))
-        segment.used += left
-        ends[far] = str(far), segment
-    depths = [ends[node][1].depth for node in range(len(ways))]
-    return Drawn(pieces, repeaters, depths, max(reach.values()))
+
+def _drawn(division: _Division) -> Drawn:
+    """Return the cable of a line, divided at the master, with names for its nodes."""
+    segments: dict[str, list[Piece]] = {"0": []}
+    repeaters: list[tuple[str, str]] = []
+    head, depths = {"0": "0"}, {"0": 0}
+    # Branches not yet laid, each with its upstream device, and the node there if they share one.
+    waiting = [(0, "0", branch) for branch in division.branches]
+    while waiting:
+        near, node, branch = waiting.pop()
+        far, into = branch.module, str(near)
+        if branch.segment:
+            node = f"{near} out {branch.segment}"
+        for turn, length in enumerate(branch.lengths, 1):
+            if node not in head:
+                repeaters.append((into, node))
+                head[node], depths[node] = node, depths[into] + 1
+            end = str(far) if turn == len(branch.lengths) else f"{near}>{far} {turn} in"
+            piece = Piece(node, end, (near, far), length, length / sum(branch.lengths))
+            segments.setdefault(head[node], []).append(piece)
+            head[end], depths[end] = head[node], depths[node]
+            into, node = end, f"{near}>{far} {turn} out"
+        onward = f"{far} out" if branch.separate else str(far)
+        waiting += [(far, onward, further) for further in branch.downstream.branches]
+    return Drawn(segments, repeaters, depths)
 
 
 def place_supply(
-    pieces: Sequence[Piece], draws: dict[str, float], first: str, voltage: float, resistance: float
+    pieces: Sequence[Piece], draws: Mapping[str, float], voltage: float, resistance: float
 ) -> str:
-    """Return a supply's node: `first` if the voltages suffice, else that with the smallest drop."""
-    nodes = list(dict.fromkeys(node for piece in pieces for node in (piece.near, piece.far)))
-    ends = [[nodes.index(piece.near), nodes.index(piece.far)] for piece in pieces]
-    lengths = [piece.length for piece in pieces]
-    graph = coo_array((lengths, np.transpose(ends)), shape=(len(nodes),) * 2)
-    away = shortest_path(graph.tocsr(), directed=False)
+    """Return a supply's node: the first if the voltages suffice, else that with the smallest drop.
+
+    Each piece must begin at a node of the pieces before it.
+    """
+    nodes, away = [pieces[0].near], np.zeros((len(pieces) + 1,) * 2)
+    for far, piece in enumerate(pieces, 1):
+        away[far, :far] = away[:far, far] = away[nodes.index(piece.near), :far] + piece.length
+        nodes.append(piece.far)
     current = np.array([draws.get(node, 0.0) for node in nodes])
 
     def drops(here: list[int]) -> Floats:
@@ -288,30 +360,32 @@ def place_supply(
         lost = resistance * shared @ current
         return np.asarray(lost.max(axis=1, where=current > 0, initial=0.0))
 
-    if first in nodes and voltage - drops([nodes.index(first)])[0] >= slave_voltage():
-        return first
+    if voltage - drops([0])[0] >= slave_voltage():
+        return nodes[0]
     drop = drops([*range(len(nodes))])
     drop[[node not in draws for node in nodes]] = np.inf
     return nodes[int(drop.argmin())]
 
 
 def plan_of(drawn: Drawn, slaves: Sequence[Slave], limits: AsiLimits) -> Plan:
-    """Return the plan of a line, with a supply in each segment."""
+    """Return the plan of a line, with a supply in each segment, where it begins if possible."""
     cable = cables()[limits.cable].line
-    resistance = float(CABLES[cable].resistance)
     runs = [CableRun(p.near, p.far, max(p.length, _SHORTEST), cable) for p in drawn.pieces]
+    draws = defaultdict(float, {"0": limits.current})
+    for slave in slaves:
+        draws[slave.node] += slave.current
+    for upstream, downstream in drawn.repeaters:
+        draws[upstream] += limits.current
+        draws[downstream] += limits.current
+    resistance = float(CABLES[cable].resistance)
+    supplies = [
+        Supply(
+            place_supply(pieces, draws, limits.voltage, resistance), limits.voltage, limits.rating
+        )
+        for pieces in drawn.segments.values()
+    ]
     master = Master(node="0", current=limits.current)
     repeaters = [Repeater(a, b, current=limits.current) for a, b in drawn.repeaters]
-    bare = Plan(runs, [master], (), slaves, repeaters)
-    supplies = []
-    for segment in bare.segments:
-        ends = {(run.a, run.b) for run in segment.cables}
-        draws: dict[str, float] = defaultdict(float)
-        for node, current in segment.draws:
-            draws[node] += current
-        pieces = [piece for piece in drawn.pieces if (piece.near, piece.far) in ends]
-        node = place_supply(pieces, draws, "0", limits.voltage, resistance)
-        supplies.append(Supply(node, limits.voltage, limits.rating))
     return Plan(runs, [master], supplies, slaves, repeaters)
 
 
@@ -331,7 +405,7 @@ class Line(NamedTuple):
     """A planned line."""
 
     modules: list[Module]
-    drawn: Drawn
+    drawn: Drawn | None
     slaves: list[Slave]
     plan: Plan | None
     cycle: Cycle
@@ -353,7 +427,8 @@ def build(
     ]
     paired = {slave.address for slave in slaves if slave.half == "B"}
     drawn = draw(ways, cable, limits)
-    delays = [depth * Repeater.delay for depth in drawn.depths[1:]]
+    depths = drawn.depths if drawn else {}
+    delays = [depths.get(slave.node, 0) * Repeater.delay for slave in slaves]
     addresses = [slave.address for slave in slaves]
     cycle = polling_cycle(zip(addresses, delays, strict=True))
     responses = [
@@ -364,9 +439,12 @@ def build(
         ])
         for module, slave, delay in zip(group, slaves, delays, strict=True)
     ]  # fmt: skip
-    exceeded = _too_late(group, responses, need) or _too_long(drawn, limits)
+    exceeded = _too_late(group, responses, need)
     plan = None
-    if exceeded is None:
+    if drawn is None:
+        bound = limits.length * (1 + limits.repeaters)
+        exceeded = exceeded or Exceeded("length", float(cable[0].max()), bound, "m")
+    elif exceeded is None:
         plan = plan_of(drawn, slaves, limits)
         exceeded = _against_rules(plan, limits)
     return Line(list(group), drawn, slaves, plan, cycle, paired, responses, exceeded)
@@ -381,15 +459,6 @@ def _too_late(
         if late > bound:
             return Exceeded("update", 1e3 * late, 1e3 * bound, "ms")
     return None
-
-
-def _too_long(drawn: Drawn, limits: AsiLimits) -> Exceeded | None:
-    if max(drawn.depths) <= limits.repeaters:
-        return None
-    reach = limits.length * (1 + limits.repeaters)
-    if drawn.reach > reach:
-        return Exceeded("length", drawn.reach, reach, "m")
-    return Exceeded("repeaters in series", max(drawn.depths), limits.repeaters, "")
 
 
 @lru_cache(1)
@@ -456,7 +525,9 @@ class _Laying:
 
     def __init__(self, draft: Draft, segment: str, line: Line) -> None:
         assert line.plan is not None
-        self.draft, self.segment, self.line, self.plan = draft, segment, line, line.plan
+        assert line.drawn is not None
+        self.draft, self.segment, self.line = draft, segment, line
+        self.plan, self.drawn = line.plan, line.drawn
         self.spots: list[Place] = [draft.middle, *(module.place for module in line.modules)]
         self.names: dict[str, str] = {}
         self.where = {str(place): spot for place, spot in enumerate(self.spots)}
@@ -474,9 +545,9 @@ class _Laying:
             place = self.where[supply.node]
             at = draft.cabinet if supply.node == "0" else names[supply.node]
             name = self.device("supply", place, at)
-            if at != draft.cabinet and draft.settings.fed:
+            if name not in draft.in_cabinet and draft.settings.fed:
                 self.feed(draft.cabinet, name, Laid(draft.middle, place))
-        for piece in self.line.drawn.pieces:
+        for piece in self.drawn.pieces:
             near, far = piece.edge
             laid = Laid(self.spots[near], self.spots[far], share=piece.share)
             ends = names[piece.near], names[piece.far]
@@ -484,7 +555,7 @@ class _Laying:
         if limits.auxiliary and (powered := self.powered()):
             # A feeder from the cabinet along the line, up to the last module with outputs.
             source = self.device("auxiliary supply", draft.middle, draft.cabinet)
-            for near, far in dict.fromkeys(piece.edge for piece in self.line.drawn.pieces):
+            for near, far in dict.fromkeys(piece.edge for piece in self.drawn.pieces):
                 if far in powered:
                     begin = source if near == 0 else names[str(near)]
                     self.feed(begin, names[str(far)], Laid(self.spots[near], self.spots[far]))
@@ -501,7 +572,7 @@ class _Laying:
 
     def lay_repeaters(self) -> None:
         """Add repeaters, beside the master or a module, or partway along a long cable."""
-        names, where, drawn = self.names, self.where, self.line.drawn
+        names, where, drawn = self.names, self.where, self.drawn
         done = dict.fromkeys({piece.edge for piece in drawn.pieces}, 0.0)
         ends: dict[str, Place] = {}
         for piece in drawn.pieces:
@@ -519,7 +590,7 @@ class _Laying:
 
     def powered(self) -> set[int]:
         """Return the node numbers of the modules with outputs and of those on the route to them."""
-        before = {far: near for near, far in (piece.edge for piece in self.line.drawn.pieces)}
+        before = {far: near for near, far in (piece.edge for piece in self.drawn.pieces)}
         powered: set[int] = set()
         for place, module in enumerate(self.line.modules, 1):
             while module.outputs and place != 0 and place not in powered:
@@ -548,11 +619,11 @@ class _Laying:
         used = len({slave.address for slave in line.slaves})
         draft.segment(
             rows, segment=segment, bus="AS-i",
-            devices=len(line.slaves) + 1 + len(line.drawn.repeaters),
-            length_m=line.drawn.length, bus_time=line.cycle.bus_time,
+            devices=len(line.slaves) + 1 + len(self.drawn.repeaters),
+            length_m=sum(piece.length for piece in self.drawn.pieces), bus_time=line.cycle.bus_time,
             capacity_used=max(used / ADDRESSES, *shares), masters=1,
             slaves=len(line.slaves), addresses=used, cycle_ms=1e3 * float(line.cycle.time),
-            repeaters=len(line.drawn.repeaters),
+            repeaters=len(self.drawn.repeaters),
             supply_current_a=max(part.current for part in parts),
             lowest_v=min(min(part.voltages[node] for node, _ in part.draws) for part in parts),
         )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from math import inf
 from typing import NamedTuple
 
@@ -101,7 +102,7 @@ class _Segment(NamedTuple):
     bus_time: float
 
 
-def plan_can(draft: Draft, rows: Indices) -> None:
+def plan_can(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
     """Connect points to stations in their boxes, on as few CAN segments as the limits allow."""
     limits = draft.settings.can
     slowest = min(limits.bit_rates)
@@ -124,10 +125,11 @@ def plan_can(draft: Draft, rows: Indices) -> None:
 
     stations = _served(draft, rows, longest, most, alone)
     segments = divided(stations, lambda box: box.place, judge, lambda box: box.halved(draft.need))
-    for number, (group, segment) in enumerate(segments, 1):
+    for number, (group, segment) in enumerate(segments, 1 + draft.segments("CAN")):
         assert segment is not None
         name, order = f"CAN {number}", segment.trunk.order
-        names = lay(draft, name, "CAN", [group[at] for at in order], segment.trunk, limits.cable)
+        ordered = [group[at] for at in order]
+        names = lay(draft, name, "CAN", ordered, segment.trunk, limits.cable, (), doubled)
         device = dict(zip(order, names, strict=True))
         for identifier, (message, station, late) in enumerate(segment.messages, 1):
             for row, bit in zip(message.rows, message.bits, strict=True):
@@ -144,7 +146,7 @@ def plan_can(draft: Draft, rows: Indices) -> None:
             capacity_used=max(segment.bus_time, (len(group) + 1) / limits.nodes),
             bit_rate=segment.bit_rate, messages=len(segment.messages),
             # Every message is sent on both lines, so no change-over is needed.
-            switch_over_ms=0.0 if draft.settings.redundant else np.nan,
+            switch_over_ms=0.0 if doubled else np.nan,
         )  # fmt: skip
 
 
@@ -211,19 +213,16 @@ class _Loop(NamedTuple):
     longest: list[float]
     switch_over: float
     repeaters: list[int]
-    registers: list[Registers]
 
 
-def plan_modbus(draft: Draft, rows: Indices) -> None:
+def plan_modbus(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
     """Connect points to stations in their boxes, on as few Modbus loops as the limits allow."""
     limits = draft.settings.modbus
 
     def alone(box: Box, length: float) -> tuple[Floats, str]:
         rate = max(rate for rate in limits.bit_rates if _longest_section(limits, rate) >= length)
         types = [draft.types[row] for row in box.rows]
-        least = {
-            kind: 2 * _polls(limits, registers_of([kind]), rate)[0].time for kind in set(types)
-        }
+        least = {kind: 2 * _polls(limits, (kind,), rate)[0].time for kind in set(types)}
         words = f"even on its own Modbus RTU line at {rate} bit/s, its response takes"
         return np.array([least[kind] for kind in types]), words
 
@@ -237,13 +236,16 @@ def plan_modbus(draft: Draft, rows: Indices) -> None:
         return _loop(draft, group) if len(group) <= most else (None, len(group) / most)
 
     loops = divided(stations, lambda box: box.place, judge, lambda box: box.halved(draft.need))
-    for number, (group, loop) in enumerate(loops, 1):
+    for number, (group, loop) in enumerate(loops, 1 + draft.segments("Modbus RTU")):
         assert loop is not None
         name, order = f"Modbus {number}", loop.trunk.order
         ordered = [group[place] for place in order]
-        names = lay(draft, name, "Modbus", ordered, loop.trunk, limits.cable, loop.repeaters)
+        names = lay(
+            draft, name, "Modbus", ordered, loop.trunk, limits.cable, loop.repeaters, doubled
+        )
         for unit, (place, device) in enumerate(zip(order, names, strict=True), 1):
-            box, addresses = group[place], loop.registers[place].addresses
+            box = group[place]
+            addresses = registers_of([draft.types[row] for row in box.rows]).addresses
             response = loop.scan + loop.longest[place]
             for row, length, where in zip(box.rows, box.lengths, addresses, strict=True):
                 draft.connect(int(row), "Modbus RTU", name, device, f"{unit} {where}", response)
@@ -256,7 +258,7 @@ def plan_modbus(draft: Draft, rows: Indices) -> None:
             capacity_used=max(loop.scan / draft.need[everything].min(), len(group) / most),
             bit_rate=loop.bit_rate,
             scan_ms=1e3 * loop.scan, repeaters=len(loop.repeaters),
-            switch_over_ms=1e3 * loop.switch_over if draft.settings.redundant else np.nan,
+            switch_over_ms=1e3 * loop.switch_over if doubled else np.nan,
         )  # fmt: skip
 
 
@@ -304,10 +306,10 @@ def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[i
 def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     limits = draft.settings.modbus
     trunk = route_past(draft, group)
-    registers = [registers_of([draft.types[row] for row in box.rows]) for box in group]
+    types = [tuple(draft.types[row] for row in box.rows) for box in group]
     needs = np.array([draft.need[box.rows].min() for box in group])
     for rate in sorted(limits.bit_rates):
-        polls = [_polls(limits, own, rate) for own in registers]
+        polls = [_polls(limits, own, rate) for own in types]
         times = [[poll.time for poll in own] for own in polls]
         scan = sum(sum(own) for own in times)
         longest = [max(own) for own in times]
@@ -320,7 +322,7 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     fits = in_time and repeaters is not None and len(repeaters) <= limits.repeaters
     switch_over = scan + sum(max(poll.timeout_time for poll in own) for own in polls)
     on_wire = sum(poll.on_wire for own in polls for poll in own)
-    loop = _Loop(trunk, rate, scan, on_wire, longest, switch_over, repeaters or [], registers)
+    loop = _Loop(trunk, rate, scan, on_wire, longest, switch_over, repeaters or [])
     return loop, 1 if fits else inf
 
 
@@ -329,10 +331,12 @@ def _longest_section(limits: ModbusLimits, bit_rate: int) -> float:
     return min(limits.length, INTERFACES["RS-485"].product / bit_rate)
 
 
-def _polls(limits: ModbusLimits, registers: Registers, bit_rate: int) -> list[Poll]:
+@lru_cache(4096)
+def _polls(limits: ModbusLimits, types: tuple[str, ...], bit_rate: int) -> list[Poll]:
+    """Return the requests to a station with points of these types."""
     serial = SerialLine(bit_rate, limits.character)
     timeout = limits.timeout + limits.processing + serial.frame_time(256)
     return [
         Poll(request, serial, processing=limits.processing, timeout=timeout)
-        for request in registers.requests
+        for request in registers_of(types).requests
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from math import ceil, inf
 from types import MappingProxyType
 
@@ -74,7 +75,7 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
 
 def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
     """Return the numbers of conductors and pairs needed; a common return counts once per signal."""
-    signals, common = draft.iolist.points["signal"].to_numpy(object)[rows], draft.common[rows]
+    signals, common = draft.signals[rows], draft.common[rows]
     own, alone = draft.wires[rows] - common, common == 0
     returns = sum(dict(zip(signals, common.tolist(), strict=True)).values())
     pairs = ((own[alone] + 1) // 2).sum()
@@ -85,10 +86,11 @@ def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
 
 _PLANNERS: Mapping[str, Callable[[Draft, Indices], None]] = MappingProxyType(
     {"home runs": plan_home_runs, "junction boxes": plan_boxes, "AS-i": plan_asi,
-     "CAN": plan_can, "Modbus RTU": plan_modbus}
+     "CAN": plan_can, "CAN doubled": partial(plan_can, doubled=True),
+     "Modbus RTU": plan_modbus, "Modbus RTU doubled": partial(plan_modbus, doubled=True)}
 )  # fmt: skip
 
-#: The options: ways to connect points.
+#: The options: ways to connect points. AS-i has no doubled form, because a module has one port.
 OPTIONS = tuple(_PLANNERS)
 
 #: Columns whose values a mix may name, in order of precedence.

@@ -42,7 +42,10 @@ def plot_points(points: pd.DataFrame, option: str, *, ax: Axes | None = None) ->
     check_choice("option", option, drawers)
     missing = points["tag"][points["device"] == ""]
     if len(missing):
-        raise ArgumentError(f"the list names no device for {', '.join(missing)}")
+        raise ArgumentError(
+            f"the list names no device for {len(missing)} of {len(points)} points, the first is "
+            f"{missing.iloc[0]}; add a column device, or draw a design: points.plan('CAN').plot()"
+        )
     devices = [(str(device), own) for device, own in points.groupby("device", sort=False)]
     if ax is None:
         from matplotlib import pyplot as plt
@@ -117,7 +120,8 @@ def plot_ranges(
 ) -> Axes:
     """Draw one bar per row of `ends`: nominal value, range, and central 90 % of the draws."""
     ax, rows = style.axes(ax), np.arange(len(ends))
-    ax.barh(rows, ends["nominal"], height=0.6, color="C5", label="nominal")
+    # A bar of length 0 keeps a row without a value inside the axes.
+    ax.barh(rows, ends["nominal"].fillna(0), height=0.6, color="C5", label="nominal")
     ax.hlines(
         rows, ends["low"], ends["high"], color="0.25", linewidth=1.2, label="all low to all high"
     )

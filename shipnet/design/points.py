@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, pairwise, zip_longest
+from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import Self
@@ -18,22 +18,30 @@ from shipnet.arrays import Bools, Floats
 from shipnet.design.words import (
     COLUMNS,
     PLACED,
-    UNITS,
     YES,
     Reading,
     column_of,
-    decimal_mark,
     folded,
+    has_side,
     is_frame,
     is_intrinsically_safe,
     is_place_titles,
-    read_number,
-    widened,
+    off_centre,
     without_safety,
+    words,
 )
-from shipnet.errors import ArgumentError, InputError, listed
+from shipnet.errors import ArgumentError
+from shipnet.lists import ALIKE, Cells, clean, cleaned, read_number, widened
 from shipnet.signals import SIGNALS, find_signal, meanings, plain, spellings
-from shipnet.tables import Remark, Sheet, frame_sheet, parse_sheet, read_sheet, read_sheets
+from shipnet.tables import (
+    Remark,
+    Sheet,
+    frame_sheet,
+    parse_sheet,
+    read_sheet,
+    read_sheets,
+    remark_table,
+)
 
 # The columns of a sheet, and the rows that are points -------------------------------------------
 
@@ -47,271 +55,84 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "update_ms": (0.0, 3.6e6),
 }
 
-#: Marks of points that will not be built, and of spare tags.
-_MARK = r"\W*(?:deleted?|cancell?ed|void|not used|spare|삭제|예비)"
-_MARKED = re.compile(rf"{_MARK}\W*", re.IGNORECASE)
-_MARKED_TAG = re.compile(rf"{_MARK}\b.*", re.IGNORECASE)
+#: The axes of a position: its column, the columns that give it by frame, deck and side.
+_AXES = {"x_m": ("frame", "location"), "y_m": ("side", "location"), "z_m": ("deck", "location")}
+
+#: Words in the title of a column that may be a position.
+_PLACE_WORD = re.compile(
+    r"\b(?:x|y|z|pos\w*|coord\w*|loc\w*|dist\w*|offset|abstand|avstand|cl|centre|center|ap|fp|bl|"
+    r"frame|spant\w*|deck|dekk|height|elev\w*|h\xf6he|h\xf8yde)\b|위치|거리|좌표|높이",
+    re.IGNORECASE,
+)
 
 
-def score(reading: Reading) -> Callable[[Sequence[str]], float]:
-    """Return a function that scores how well the cells of a row serve as titles of an I/O list."""
+class Points(Cells):
+    """The cells of an I/O list."""
 
-    def worth(cells: Sequence[str]) -> float:
-        found = {column.name for cell in cells if (column := column_of(cell, reading.columns))}
-        named = not found.isdisjoint({"tag", "type", "signal"})
-        return len(found) if len(found) > 1 and named else 0
-
-    return worth
-
-
-class Cells:
-    """The columns of a sheet (one cell per point), and the remarks and faults found in it."""
+    words, noun, key = words(), "point", "tag"
+    titled_by = frozenset({"tag", "type", "signal"})
+    has_spares = True
+    grouped = ("system", "box")
+    literal = ("type", "signal")
+    hint = "[columns] in the settings may define them"
 
     def __init__(self, sheet: Sheet, reading: Reading) -> None:
-        self.sheet, self.reading = sheet, reading
-        self._source = f"{sheet.source}, sheet {sheet.sheet}" if sheet.sheet else sheet.source
-        self.remarks = list(sheet.remarks)
-        self.places: dict[str, list[int]] = {}
-        self.scales: dict[str, float] = {}
-        self._faults: list[tuple[int, int, str]] = []
-        rows = list(sheet.rows)
-        self.titles = list(sheet.titles)
-        self._repeated = [self.titles]
-        if rows and (second := self._second_line(rows[0][1])):
-            self.titles = second
-            self.remarks.append(Remark("titles in two rows", (sheet.top, rows[0][0]), detail=True))
-            self._repeated.append(rows.pop(0)[1])
-        if sheet.above:
-            self.remarks.append(Remark("left out, above the titles", sheet.above, detail=True))
-        self._find_columns(rows)
-        rows = self._points_of(rows)
-        if not rows:
-            raise InputError(self._source, "has no points; expected one per row")
-        self.rows = [number for number, _ in rows]
-        self._columns = [list(c) for c in zip_longest(*(row for _, row in rows), fillvalue="")]
-        self._check_width(rows)
-        self._fill_down("system")
+        self.reading = reading
+        # Few rows differ in their type and signal, so each pair is looked up once.
+        self._meant: dict[tuple[str, str], bool] = {}
+        is_saved = {*COLUMNS} - {"device", "ex"} <= {*sheet.titles} <= {*COLUMNS}
+        super().__init__(sheet, reading.columns, is_saved=is_saved)
 
-    def _second_line(self, below: Sequence[str]) -> list[str] | None:
-        """Return the titles combined with the row `below`, or None if it is not a row of titles."""
-        titles, above, understood = [], "", 0
-        for title, cell in zip_longest(self.titles, below, fillvalue=""):
-            above = title or above
-            if not plain(cell):
-                titles.append(title)
-                continue
-            both = (f"{above} {cell}", cell)
-            found = next((t for t in both if column_of(t, self.reading.columns)), None)
-            if found is None and (cell.isascii() or not title):
-                return None
-            understood += found is not None
-            titles.append(found or title)
-        return titles if understood else None
-
-    def _find_columns(self, rows: Sequence[tuple[int, list[str]]]) -> None:
-        unused = []
-        for place, title in enumerate(self.titles):
-            column = column_of(title, self.reading.columns)
-            if column is not None:
-                self.places.setdefault(column.name, []).append(place)
-                self.scales.setdefault(column.name, column.scale)
-            elif title:
-                unused.append(title)
-            elif any(row[place] for _, row in rows if place < len(row)):
-                unused.append(f"column {_letter(place)}, which has no title")
+    def arrange(self, rows: Sequence[tuple[int, list[str]]]) -> None:
+        """Read the column of types as that of signals if it contains some, such as Pt100."""
         if "signal" not in self.places and len(self.places.get("type", ())) == 1:
-            # Many lists have signals, such as Pt100, in a column called type.
             (place,) = self.places["type"]
-            words = {clean(widened(row[place])) for _, row in rows if place < len(row)}
-            others = (word for word in words if plain(word) not in spellings("type"))
+            entries = {clean(widened(row[place])) for _, row in rows if place < len(row)}
+            others = (word for word in entries if plain(word) not in spellings("type"))
             if any(map(meanings, map(self.reading.signal, others))):
                 self.places["signal"] = self.places.pop("type")
-        faults = [
-            f"{' and '.join(repr(self.titles[place]) for place in places)} both mean {name}"
-            for name, places in self.places.items()
-            if len(places) > 1 and name != "note"
-        ]
+        sides = self.places.get("side", [])
+        far = [place for place in sides if _DISTANCE.search(self.titles[place])]
+        if len(sides) == 2 and len(far) == 1 and "y_m" not in self.places:
+            # One column has the side and the other the distance.
+            self.places["y_m"] = far
+            self.places["side"] = [place for place in sides if place not in far]
+            distance = self.column_of(self.titles[far[0]])
+            self.units["y_m"] = distance.unit if distance else ""
+        positions = [title for title in self.unused if _PLACE_WORD.search(title)]
+        if positions and not {*_POSITION} <= self.places.keys():
+            self.unused = [title for title in self.unused if title not in positions]
+            said = "; ".join(positions)
+            self.remarks.append(Remark(f"not used, but may be a position: {said}", doubt=True))
+
+    def column_faults(self) -> list[str]:
+        """Return which columns of a position, the tag and the signal are missing."""
+        faults = []
         for group in (_POSITION, _BOX):
-            missing = [name for name in group if name not in self.places]
-            if 0 < len(missing) < 3:
-                wanted = ", ".join(group)
-                faults.append(f"no column {' and no '.join(missing)}; expected {wanted}, or none")
+            ways = {name: {name, *_AXES.get(name, ())} for name in group}
+            missing = " and no ".join(n for n in group if ways[n].isdisjoint(self.places))
+            if missing and not self.places.keys().isdisjoint(group):
+                faults.append(f"no column {missing}; expected {', '.join(group)}, or none")
         if "tag" not in self.places:
             faults.append("no column tag")
         if "signal" not in self.places and "type" not in self.places:
             faults.append("no column signal and no column type; expected at least one")
-        used = "; ".join(unused)
-        if faults:
-            faults = [f"row {self.sheet.top}: {fault}" for fault in faults]
-            hint = f"unknown titles: {used}; [columns] in the settings may define them"
-            raise InputError(self._source, *faults, *([hint] * bool(used)))
-        if unused:
-            self.remarks.append(Remark(f"not used: {used}"))
+        return faults
 
-    def _points_of(self, rows: Iterable[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
-        """Return the rows that are points, and add remarks on rows that are left out or hidden."""
-        points, left = [], dict[str, list[int]]()
-        heads = [{cell for cell in titles if cell} for titles in self._repeated]
-        # Few rows contain a title or a mark such as `void`; compare only these with the titles.
-        words = set(chain.from_iterable(cells for _, cells in rows))
-        marked = set(filter(_MARKED.fullmatch, words))
-        suspect = marked.union(*heads)
-        meant: dict[tuple[str, str], bool] = {}
-        for number, cells in rows:
-            near = () if suspect.isdisjoint(cells) else heads
-            why = self._no_point(number, cells, near, not marked.isdisjoint(cells), meant)
-            if why:
-                left.setdefault(why, []).append(number)
-            else:
-                points.append((number, cells))
-        for why, numbers in left.items():
-            harmless = why in (_REPEATED, _TEXT)
-            self.remarks.append(Remark(f"left out, {why}", tuple(numbers), doubt=not harmless))
-        if hidden := tuple(number for number, _ in points if number in self.sheet.hidden):
-            self.remarks.append(Remark("hidden, but read", hidden, doubt=True))
-        return points
-
-    def _no_point(
-        self,
-        number: int,
-        cells: list[str],
-        heads: Sequence[set[str]],
-        is_marked: bool,
-        meant: dict[tuple[str, str], bool],
-    ) -> str:
-        """Return why a row is not a point, or "" if it is one; `meant` caches look-ups of words."""
-        for head in heads:
-            if not head.isdisjoint(cells):
-                same = sum(" ".join(cell.split()) in head for cell in cells if cell)
-                if same > 1 and 2 * same >= sum(map(bool, cells)):
-                    return _REPEATED
-        if number in self.sheet.struck:
-            return "struck out"
-
-        def cell(name: str) -> str:
-            place = self.places.get(name, [len(cells)])[0]
-            return cells[place] if place < len(cells) else ""
-
-        tag, what = clean(cell("tag")), (cell("type"), cell("signal"))
-        if is_marked or _MARKED_TAG.fullmatch(tag):
-            return "marked as deleted or spare"
-        if what not in meant:
-            word, _ = without_safety(self.reading.signal(clean(widened(what[1]))))
-            meant[what] = plain(widened(what[0])) in spellings("type") or bool(meanings(word))
+    def is_entry(self, cell: Callable[[str], str]) -> bool:
+        """Return whether a row has a type, a signal, a number or a frame."""
+        pair = cell("type"), cell("signal")
+        if pair not in self._meant:
+            word, _ = without_safety(self.reading.signal(clean(widened(pair[1]))))
+            self._meant[pair] = plain(widened(pair[0])) in spellings("type") or bool(meanings(word))
         numbers = (cell(name) for name in (*RANGES, "conductors"))
-        if meant[what] or any(map(_holds_number, numbers)) or is_frame(cell("frame")):
-            return ""
-        # A row with only a tag may be a point whose other cells were forgotten.
-        return "" if re.search(r"[0-9]", tag) and not re.search(r"\s", tag) else _TEXT
-
-    def _check_width(self, rows: Sequence[tuple[int, list[str]]]) -> None:
-        width = len(self.titles)
-        beside = [row for row, (_, cells) in enumerate(rows) if any(cells[width:])]
-        if self.sheet.separator:
-            # Either the row is shifted, or an unquoted cell contains the separator.
-            for row in beside:
-                self.fault(row, "", f" has {len(rows[row][1])} cells; expected {width}")
-        elif beside:
-            numbers = tuple(self.rows[row] for row in beside)
-            self.remarks.append(Remark("not used: cells beside the table", numbers))
-
-    def _fill_down(self, name: str) -> None:
-        """Fill a column that has values only in the first row of each group."""
-        cells = self[name]
-        given = [cell for cell in cells if cell]
-        twice = any(a and a == b for a, b in pairwise(cells))
-        if not given or len(given) == len(cells) or not cells[0] or twice:
-            return
-        filled = tuple(row for row, cell in zip(self.rows, cells, strict=True) if not cell)
-        for row in range(1, len(cells)):
-            cells[row] = cells[row] or cells[row - 1]
-        said = f"{name} filled down from the row above, because it is given once per group"
-        self.remarks.append(Remark(said, filled, doubt=True))
-
-    def __getitem__(self, name: str) -> list[str]:
-        """Return the cells of a column, all empty if the list has no such column."""
-        places = self.places.get(name)
-        return self.column(places[0]) if places else [""] * len(self.rows)
-
-    def column(self, place: int) -> list[str]:
-        """Return the cells of a column by its index."""
-        return self._columns[place] if place < len(self._columns) else [""] * len(self.rows)
-
-    def given(self, name: str) -> Bools:
-        """Return a mask of the filled cells of a column."""
-        return np.fromiter(map(bool, self[name]), bool, len(self.rows))
-
-    def title(self, name: str) -> str:
-        """Return the title of a column in the list, with the column's letter in a spreadsheet."""
-        places = self.places.get(name)
-        if not places:
-            return name
-        letter = f" ({_letter(places[0])})" if self.sheet.top > 0 else ""
-        return f"{self.titles[places[0]]}{letter}"
-
-    def fault(self, row: int, name: str, text: str) -> None:
-        """Record a fault in a row."""
-        place = self.places[name][0] if name in self.places else -1
-        self._faults.append((row, place, f"row {self.rows[row]}{text}"))
-
-    def wrong(self, rows: Iterable[int], name: str, expected: str) -> None:
-        """Record the same fault for the cells of a column in the given rows."""
-        cells = self[name]
-        for row in rows:
-            what = self.odd(row, name)
-            cell = f"{cells[row]!r}{what and f', {what}'}" if cells[row] else "is empty"
-            self.fault(row, name, f", column {self.title(name)}: {cell}; expected {expected}")
-
-    def doubt(self, what: str, rows: Bools) -> None:
-        """Add a remark on doubtful points."""
-        if rows.any():
-            numbers = tuple(self.rows[row] for row in np.flatnonzero(rows).tolist())
-            self.remarks.append(Remark(what, numbers, doubt=True))
-
-    def odd(self, row: int, name: str) -> str:
-        """Return a description of a cell if it is neither text nor a number, otherwise ""."""
-        places = self.places.get(name, [-1])
-        return self.sheet.odd.get((self.rows[row], places[0]), "")
-
-    def check(self, strict: bool) -> None:
-        """Raise InputError with all faults, if any; with `strict`, doubtful rows are faults too."""
-        faults = [text for _, _, text in sorted(self._faults)]
-        if strict:
-            faults += [f"row {n}: {one.what}" for one in self.remarks if one.doubt
-                       for n in one.rows]  # fmt: skip
-        if faults:
-            raise InputError(self._source, *faults)
-
-
-#: Reasons to leave out a row that is clearly not a point.
-_REPEATED, _TEXT = "repeated titles", "not a point: a subtitle, page header, page footer or note"
-
-
-def _letter(place: int) -> str:
-    """Return the letters of a spreadsheet column, such as AB, given its index from 0."""
-    more, own = divmod(place, 26)
-    return (_letter(more - 1) if more else "") + chr(65 + own)
+        return self._meant[pair] or any(map(_holds_number, numbers)) or is_frame(cell("frame"))
 
 
 def _holds_number(cell: str) -> bool:
-    units = {**UNITS["length"], **UNITS["time"]}
-    return bool(cell) and read_number(cell, "", 1.0, units) is not None
-
-
-def clean(cell: str) -> str:
-    """Return the text of a cell as one line."""
-    # The space is the only printable whitespace character.
-    return cell if cell.isprintable() and "  " not in cell else " ".join(cell.split())
-
-
-def _cleaned(cells: Sequence[str]) -> list[str]:
-    """Return the cleaned cells of a column."""
-    # If no cell needs cleaning, one test of all cells suffices; cells are already stripped.
-    text = "|".join(cells)
-    if text.isprintable() and "  " not in text:
-        return list(cells)
-    known = {cell: clean(cell) for cell in set(cells)}
-    return [known[cell] for cell in cells]
+    return bool(cell) and any(
+        read_number(cell, ".", unit, unit) is not None for unit in ("m", "ms")
+    )
 
 
 # Numeric columns of an I/O list: positions of points and boxes, lengths of cables, update times --
@@ -320,59 +141,116 @@ def _cleaned(cells: Sequence[str]) -> list[str]:
 ROUNDED = 0.2
 
 
-def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, Floats]:
+def read_numbers(cells: Points, boxes: Sequence[str]) -> dict[str, Floats]:
     """Return the values of the columns in `RANGES`, NaN where unknown, and record all faults."""
-    mark = decimal_mark(set().union(*(cells[name] for name in RANGES)))
-    if mark == ",":
-        cells.remarks.append(Remark("numbers have a decimal comma", detail=True))
-    numbers = {name: _numbers(cells, name, mark) for name in RANGES}
-    _check_partly(cells, _POSITION)
+    numbers = {
+        name: cells.numbers(name, *RANGES[name], positive=name == "update_ms")
+        for name in RANGES
+        if name != "y_m"
+    }
+    numbers["y_m"] = _off_centre(cells)
+    if coordinates := [name for name in _POSITION if name in cells.places]:
+        _check_partly(cells, coordinates)
     _place_by_frames(cells, numbers)
     _check_boxes(cells, boxes, numbers)
-    return numbers
+    for name in ("to_box_m", "home_run_m"):
+        if 2 * np.count_nonzero(blank := ~cells.given(name)) < len(blank):
+            cells.doubt(f"read without {name}, which most others have", blank)
+    return {name: numbers[name] for name in RANGES}
 
 
-def _numbers(cells: Cells, name: str, mark: str) -> Floats:
-    low, high = RANGES[name]
-    if name not in cells.places:
-        return np.full(len(cells.rows), np.nan)
-    units, scale = UNITS[COLUMNS[name]], cells.scales[name]
-    # A list has few distinct numbers, so each is parsed once.
-    known = {cell: read_number(cell, mark, scale, units) for cell in set(cells[name])}
-    wrong = {cell for cell, value in known.items() if cell and value is None}
-    bad = [row for row, cell in enumerate(cells[name]) if cell in wrong] if wrong else []
-    values = np.array([known[cell] for cell in cells[name]], dtype=np.float64)
-    outside = (values < low) | (values > high) | ((values == 0) & (name == "update_ms"))
-    unit = next(u for u, s in units.items() if s == scale)
-    above = "above 0, up to " if name == "update_ms" else f"{low / scale:.7g}.."
-    expected = f"a number {above}{high / scale:.7g} {unit}"
-    cells.wrong([*bad, *np.flatnonzero(outside).tolist()], name, expected)
-    return values
+def _off_centre(cells: Points) -> Floats:
+    """Return y of each point from its own column and that of the side, NaN where both are empty."""
+    sides, first = cells["side"], "y_m" if "y_m" in cells.places else "side"
+    if "side" in cells.places and cells.places.keys().isdisjoint({"x_m", "frame", "location"}):
+        cells.remarks.append(Remark(f"not used: {cells.title('side')}, without a place along"))
+        sides = [""] * len(sides)
+    (low, high), unit = RANGES["y_m"], cells.units.get("y_m") or cells.units.get("side") or "m"
+
+    @cache
+    def read(text: str, beside: str, is_text: bool) -> float | None:
+        return off_centre(text, beside, lambda number: cells.read(number, is_text, unit, "m"))
+
+    y, bare = np.full(len(sides), np.nan), np.zeros(len(sides), dtype=bool)
+    texts = zip(map(widened, cells["y_m"]), map(widened, sides), cells.typed(first), strict=True)
+    for row, (text, beside, is_text) in enumerate(texts):
+        value = read(text, beside, is_text) if text or beside else np.nan
+        if value is None or value < low or value > high:
+            scale = 10.0 ** ALIKE[unit][unit]
+            legal = f"a number {low / scale:.7g}..{high / scale:.7g} {unit}"
+            cells.wrong([row], "y_m" if text else "side", legal if text else PLACED["side"])
+        else:
+            y[row] = value
+            bare[row] = abs(value) > 0 and not has_side(f"{text} {beside}")
+    if first == "side" or _DISTANCE.search(cells.title(first)):
+        signed = bool((y[bare] < 0).any())
+        end = "as metres to port, negative ones to starboard" if signed else "as metres to port"
+        cells.doubt(f"{cells.title(first)}: numbers without a side are read {end}", bare)
+    return y
 
 
-def _place_by_frames(cells: Cells, numbers: dict[str, Floats]) -> None:
-    """Place points by frame, deck and side if the list has no columns for x, y and z."""
-    columns = [name for name in PLACED if name in cells.places]
-    if not columns or "x_m" in cells.places:
-        return
-    rows = list(zip(*(map(widened, cells[name]) for name in columns), strict=True))
-    given = np.array([any(row) for row in rows], dtype=bool)
-    if not (cells.reading.frames and cells.reading.decks):
-        said = "not placed by frame and deck; the settings do not define both [frames] and [decks]"
-        cells.doubt(said, given)
-        return
-    known = {row: cells.reading.place(dict(zip(columns, row, strict=True))) for row in set(rows)}
-    for place in np.flatnonzero(given).tolist():
-        found = known[rows[place]]
-        if isinstance(found, str):
-            cells.wrong([place], found if found in columns else "location", PLACED[found])
-            continue
-        for name, value in zip(_POSITION, found, strict=True):
-            numbers[name][place] = value
-    cells.remarks.append(Remark("x, y, z computed from frame, deck and side", detail=True))
+#: Titles of a distance, which may have no sign.
+_DISTANCE = re.compile(r"\b(?:dist\w*|off|offset|from|abstand|avstand|von|fra)\b", re.IGNORECASE)
 
 
-def _check_partly(cells: Cells, names: Sequence[str]) -> Bools:
+def _place_by_frames(cells: Points, numbers: dict[str, Floats]) -> None:
+    """Compute x from frames and z from decks if the list has no columns for them."""
+    columns = [name for name in ("frame", "deck", "location") if name in cells.places]
+    computed = [axis for axis in ("x_m", "z_m") if axis not in cells.places] if columns else []
+    if computed:
+        rows = list(zip(*(map(widened, cells[name]) for name in columns), strict=True))
+        given = np.array([any(row) for row in rows], dtype=bool)
+        reading = cells.reading
+        tables = {"x_m": reading.frames, "z_m": reading.decks}
+        if not all(tables[axis] for axis in computed):
+            said = (
+                "not placed by frame and deck; the settings do not define both [frames] and [decks]"
+            )
+            cells.doubt(said, given)
+            return
+        known = {row: _placed(reading, dict(zip(columns, row, strict=True)), computed)
+                 for row in set(rows)}  # fmt: skip
+        for place in np.flatnonzero(given).tolist():
+            found = known[rows[place]]
+            if isinstance(found, str):
+                cells.wrong([place], found if found in columns else "location", PLACED[found])
+                continue
+            for name, value in found.items():
+                if name != "y_m" or np.isnan(numbers[name][place]):
+                    numbers[name][place] = value
+        said = ", ".join(axis[0] for axis in computed)
+        cells.remarks.append(Remark(f"computed from frame and deck: {said}", detail=True))
+        for axis in cells.places.keys() & {*_POSITION}:
+            alone = np.flatnonzero(cells.given(axis) & ~given).tolist()
+            empty = np.flatnonzero(given & ~cells.given(axis)).tolist()
+            cells.wrong(alone, columns[0], f"{PLACED[columns[0]]}, because {axis[0]} is given")
+            cells.wrong(empty, axis, "a number, because the frame or the deck is given")
+    if "y_m" not in cells.places:
+        placed = np.isfinite(numbers["x_m"]) & np.isfinite(numbers["z_m"])
+        centred = placed & np.isnan(numbers["y_m"])
+        cells.doubt("y is 0: no side and no distance from the centre line is given", centred)
+        numbers["y_m"][centred] = 0.0
+
+
+def _placed(
+    reading: Reading, cells: Mapping[str, str], computed: Sequence[str]
+) -> dict[str, float] | str:
+    """Return the coordinates that frame, deck and location give, or the name of what is unknown."""
+    parts = reading.parts(cells)
+    ways = {"x_m": ("frame", reading.along), "z_m": ("deck", reading.above)}
+    if parts.get("side"):
+        ways["y_m"] = ("side", off_centre)
+    found = {}
+    for axis, (name, read) in ways.items():
+        if axis in computed or axis == "y_m":
+            value = read(parts.get(name, ""))
+            if value is None:
+                return name
+            found[axis] = value
+    return found
+
+
+def _check_partly(cells: Points, names: Sequence[str]) -> Bools:
     """Check that each point has all coordinates or none; return a mask of those given."""
     have = np.column_stack([cells.given(name) for name in names])
     for row in np.flatnonzero(have.any(axis=1) & ~have.all(axis=1)).tolist():
@@ -383,7 +261,7 @@ def _check_partly(cells: Cells, names: Sequence[str]) -> Bools:
     return have
 
 
-def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, Floats]) -> None:
+def _check_boxes(cells: Points, boxes: Sequence[str], numbers: dict[str, Floats]) -> None:
     """Check the boxes, and copy the position of a box to those of its points that give none."""
     have = _check_partly(cells, _BOX)
     named = np.array([box != "" for box in boxes], dtype=bool)
@@ -426,11 +304,12 @@ def points_of(
     sheet: Sheet, reading: Reading, *, strict: bool = False
 ) -> tuple[pd.DataFrame, tuple[Remark, ...]]:
     """Convert the rows of a sheet to points; return the points and the remarks."""
-    cells = Cells(sheet, reading)
+    cells = Points(sheet, reading)
     texts = {name: _text(cells, name) for name in ("tag", "system", "box", "device")}
     texts["ex"] = _safety(cells)
     _check_tags(cells, texts["tag"])
-    types = {word: found[0][0] for word, found in spellings("type").items()}
+    types = {plain(word): find_signal(name) for word, name in reading.signals}
+    types |= {word: found[0][0] for word, found in spellings("type").items()}
     unsafe = cells.given("ex") & ~np.fromiter(map(bool, texts["ex"]), bool, len(cells.rows))
     signals = _signals(cells, _look_up(cells, "type", types, "DI, DO, AI or AO"), texts["ex"])
     disagree = unsafe & np.fromiter(map(bool, texts["ex"]), bool, len(cells.rows))
@@ -441,7 +320,10 @@ def points_of(
     numbers = read_numbers(cells, texts["box"])
     if "system" in cells.places:
         cells.doubt("no system", ~cells.given("system"))
-    cells.check(strict)
+    if unboxed := [row for row, box in zip(cells.rows, texts["box"], strict=True) if not box]:
+        if len(unboxed) < len(cells.rows):
+            cells.remarks.append(Remark("no box", tuple(unboxed), detail=True))
+    cells.check(strict=strict)
     if safe := tuple(row for row, mark in zip(cells.rows, texts["ex"], strict=True) if mark):
         cells.remarks.append(Remark("intrinsically safe, each with a barrier", safe))
     if count := int(np.isnan(numbers["update_ms"]).sum()):
@@ -460,8 +342,8 @@ def points_of(
     return pd.DataFrame({name: columns[name] for name in COLUMNS}), tuple(cells.remarks)
 
 
-def _text(cells: Cells, name: str) -> list[str]:
-    texts = _cleaned(cells[name])
+def _text(cells: Points, name: str) -> list[str]:
+    texts = cleaned(cells[name])
     # If every text is printable, one test of all texts suffices.
     if cells.sheet.odd or not "".join(texts).isprintable():
         bad = [n for n, text in enumerate(texts) if not text.isprintable() or cells.odd(n, name)]
@@ -473,9 +355,9 @@ def _text(cells: Cells, name: str) -> list[str]:
 _HAZARD = re.compile("hazard|explosion|protection|class|방폭", re.IGNORECASE)
 
 
-def _safety(cells: Cells) -> list[str]:
+def _safety(cells: Points) -> list[str]:
     """Return the mark of each point that its column calls intrinsically safe, otherwise ""."""
-    texts, title = _cleaned(cells["ex"]), cells.title("ex")
+    texts, title = cleaned(cells["ex"]), cells.title("ex")
     marks = {text: folded(text) for text in dict.fromkeys(texts) if text}
     bad = [n for n in range(len(texts)) if cells.odd(n, "ex") not in ("", "true or false")]
     bad += [n for n, text in enumerate(texts) if not text.isprintable()]
@@ -500,16 +382,16 @@ def _safety(cells: Cells) -> list[str]:
     return [known.get(text, "") for text in texts]
 
 
-def _notes(cells: Cells) -> list[str]:
+def _notes(cells: Points) -> list[str]:
     """Return the printable text of each point's notes, from all note columns."""
-    columns = [_cleaned(cells.column(place)) for place in cells.places.get("note", [])]
+    columns = [cleaned(cells.column(place)) for place in cells.places.get("note", [])]
     if not columns:
         return [""] * len(cells.rows)
     notes = ["; ".join(filter(None, own)) for own in zip(*columns, strict=True)]
     return [n if n.isprintable() else "".join(filter(str.isprintable, n)) for n in notes]
 
 
-def _check_tags(cells: Cells, tags: list[str]) -> None:
+def _check_tags(cells: Points, tags: list[str]) -> None:
     first: dict[str, int] = {}
     cells.wrong([row for row, tag in enumerate(tags) if not tag], "tag", "a tag")
     for row, tag in enumerate(tags):
@@ -520,7 +402,7 @@ def _check_tags(cells: Cells, tags: list[str]) -> None:
             cells.fault(row, "tag", said)
 
 
-def _look_up(cells: Cells, name: str, known: Mapping[str, str], expected: str) -> list[str]:
+def _look_up(cells: Points, name: str, known: Mapping[str, str], expected: str) -> list[str]:
     """Return the meaning of each cell of a column, "" if empty; unknown cells are faults."""
     found = {cell: known.get(plain(widened(cell)), "") for cell in set(cells[name])}
     rows = [row for row, cell in enumerate(cells[name]) if cell and not found[cell]]
@@ -528,13 +410,13 @@ def _look_up(cells: Cells, name: str, known: Mapping[str, str], expected: str) -
     return [found[cell] for cell in cells[name]]
 
 
-def _signals(cells: Cells, kinds: list[str], safety: list[str]) -> list[str]:
+def _signals(cells: Points, kinds: list[str], safety: list[str]) -> list[str]:
     """Return the signal of each point, and add intrinsic-safety markings to `safety`."""
     # A list has few distinct signals, so each is looked up once.
     known: dict[tuple[str, str, str, str], _Found] = {}
     signals: list[str] = []
     taken: dict[tuple[str, str], list[int]] = {}
-    words = _cleaned([*map(widened, cells["signal"])])
+    words = cleaned([*map(widened, cells["signal"])])
     points = zip(words, cells["type"], kinds, cells["conductors"], strict=True)
     for row, point in enumerate(points):
         if point not in known:
@@ -564,7 +446,12 @@ def _input_of(word: str) -> str:
 
 
 def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tuple[str, str]]]:
-    """Return a point's signal, given or inferred from its type, and its faults by column."""
+    """Return a point's signal, given or inferred from its type, and its faults by column.
+
+    A type such as SERIAL is a signal, and stands for the type of this signal.
+    """
+    named, kind = (kind, SIGNALS[kind].kind) if kind in SIGNALS else ("", kind)
+    word = word or named
     whole = re.fullmatch(r"([0-9]{1,4})([.,]0+)?", widened(count))
     conductors = int(whole[1]) if whole else None
     faults = []
@@ -582,7 +469,7 @@ def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tup
         alike = ", ".join(name for name, signal in SIGNALS.items() if signal.kind == kind)
         return "contact", [*faults, ("signal", f"is empty; expected one of {alike}")]
     own = SIGNALS[signal]
-    if kind and own.kind != kind:
+    if (kind and own.kind != kind) or (named and named != signal):
         faults.append(("type", f"{given!r}; expected {own.kind} for the signal {signal}"))
     if conductors and own.conductors != conductors:
         expected = f"expected {own.conductors} for the signal {signal}"
@@ -621,9 +508,8 @@ class PointTable:
         cls, text: str, source: str = "text", *, reading: Reading = _PLAIN, strict: bool = False
     ) -> Self:
         """Read an I/O list from text, such as the content of an editor."""
-        return cls._of(
-            parse_sheet(text, source, is_titles=score(reading), what=_WHAT), reading, strict
-        )
+        is_titles = Points.score(reading.columns)
+        return cls._of(parse_sheet(text, source, is_titles=is_titles, what=_WHAT), reading, strict)
 
     @classmethod
     def from_table(cls, table: pd.DataFrame, source: str = "table") -> Self:
@@ -640,11 +526,16 @@ class PointTable:
         strict: bool = False,
     ) -> Self:
         """Read an I/O list from a CSV file or an Excel workbook."""
-        found = read_sheet(path, sheet, is_titles=score(reading), what=_WHAT)
-        first = [*found.titles, *(found.rows[0][1] if found.rows else ())]
-        placed = any((column := column_of(cell)) and column.name in PLACED for cell in first)
-        if placed and not (reading.frames or reading.decks):
-            reading = reading.with_sheets(read_sheets(path, is_place_titles))
+        found = read_sheet(path, sheet, is_titles=Points.score(reading.columns), what=_WHAT)
+        near = [found.titles, *(cells for _, cells in [*found.above[-1:], *found.rows[:1]])]
+        names = {c.name for cells in near for title in cells
+                 if (c := column_of(title, reading.columns))}  # fmt: skip
+        needed = names & {"frame", "deck", "location"} and not {"x_m", "z_m"} <= names
+        if needed and not (reading.frames or reading.decks):
+            places = read_sheets(path, is_place_titles)
+            reading, remarks = reading.with_sheets(places)
+            found = found.also_read([one.sheet for one in places]) if places else found
+            found = replace(found, remarks=(*found.remarks, *remarks))
         return cls._of(found, reading, strict)
 
     @classmethod
@@ -659,12 +550,7 @@ class PointTable:
 
     def reading(self) -> pd.DataFrame:
         """Return the remarks on how the list was read; columns what, count, rows and doubt."""
-        rows = []
-        for note in self.notes:
-            which = listed(note.rows, None)[1:].lstrip() if note.rows else ""
-            rows.append((note.what, len(note.rows) or np.nan, which, note.doubt))
-        table = pd.DataFrame(rows, columns=["what", "count", "rows", "doubt"])
-        return table.astype({"count": "Int64"})
+        return remark_table(self.notes)
 
     def __len__(self) -> int:
         return len(self.points)

@@ -254,7 +254,6 @@ class _Plain:
         0, 10, "", "Spares as a fraction of those in use: pairs in trunks, channels of the cabinet "
         "and the stations, and ports of AS-i modules; assumed", default=0.2,
     )  # fmt: skip
-    redundant: bool = switch("Whether the trunks of CAN and Modbus are doubled", default=False)
     update: float = number(
         1e-4, 3600, "s", 'Update time of a point without one in the list: "other indications" of '
         "DNV-OS-D202, Ch. 2 Sec. 3 Table A1", default=1.0,

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
-from functools import cache, lru_cache
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from shipnet.errors import ArgumentError, InputError
+from shipnet.lists import ALIKE, Column, Words, read_number
 from shipnet.signals import find_signal, meanings, plain, spellings
-from shipnet.tables import Sheet
+from shipnet.tables import Remark, Sheet
 
 #: Columns of an I/O list in order, and their contents: text, a whole number, or a quantity whose
 #: unit is the suffix of the column's name. `data/iolist_words.csv` has their titles.
@@ -29,12 +30,6 @@ PLACED: Mapping[str, str] = {
     "deck": "one of [decks]",
     "side": "P or S with metres, such as P 4.2, or C",
     "location": "frame, deck and side, such as FR 34+200, DK3, P 4.2",
-}
-
-#: Units that a title or a cell may include, as multiples of the column's unit.
-UNITS: Mapping[str, Mapping[str, float]] = {
-    "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "meter": 1.0, "metre": 1.0},
-    "time": {"ms": 1.0, "s": 1e3, "sec": 1e3, "msec": 1.0},
 }
 
 
@@ -59,63 +54,97 @@ class Reading(NamedTuple):
                        if _frame(word) is None]  # fmt: skip
         return self._replace(**{table: tuple(known.items())}), faults
 
-    def with_sheets(self, sheets: Iterable[Sheet]) -> Reading:
-        """Return the words extended by the tables of frames and decks in a workbook."""
-        found = self
+    def with_sheets(self, sheets: Iterable[Sheet]) -> tuple[Reading, list[Remark]]:
+        """Return the words extended by the tables of frames and decks in a workbook, and remarks.
+
+        A sheet may have several tables, one below the other or side by side.
+        """
+        found, remarks = self, []
         for sheet in sheets:
-            columns = {c.name: (n, c) for n, t in enumerate(sheet.titles) if (c := column_of(t))}
-            word, axis = ("frame", "x_m") if "frame" in columns else ("deck", "z_m")
-            (at, _), (place, column) = columns[word], columns[axis]
-            values: dict[str, object] = {}
-            faults = []
+            values: dict[str, dict[str, object]] = {"frame": {}, "deck": {}}
+            faults, unread = [], []
+            tables = _place_tables(sheet.titles)
             for number, cells in sheet.rows:
-                cells += [""] * (len(sheet.titles) - len(cells))
-                value = read_number(cells[place], ".", column.scale, UNITS["length"])
-                values[cells[at]] = value
-                if value is None or not cells[at]:
-                    said = f"{cells[at]!r} at {cells[place]!r}; expected a {word} and a number in m"
-                    faults.append(f"row {number}: {said}")
-            if not faults:
-                found, faults = found.tried(f"{word}s", values)
+                if below := _place_tables(cells):
+                    taken = {place for _, *places, _ in below for place in places}
+                    tables = [one for one in tables if taken.isdisjoint(one[1:3])] + below
+                    continue
+                for word, at, place, unit in tables:
+                    name, cell = (cells[n] if n < len(cells) else "" for n in (at, place))
+                    if not cell and not (word == "frame" and is_frame(name)):
+                        unread += [number] * bool(name)
+                        continue
+                    mark = "" if (number, place) in sheet.typed else "."
+                    is_length = unit in ("", *ALIKE["m"])
+                    value = read_number(cell, mark, unit or "m", "m") if is_length else None
+                    if value is None or not name or values[word].get(name, value) != value:
+                        said = f"{name!r} at {cell!r}; expected a {word} and a number in m"
+                        faults.append(f"row {number}: {said}")
+                    values[word][name] = value
+            for word in values if not faults else ():
+                found, more = found.tried(f"{word}s", values[word])
+                faults += more
             if faults:
                 raise InputError(f"{sheet.source}, sheet {sheet.sheet}", *faults)
-        return found
+            if unread:
+                said = f"not read on sheet {sheet.sheet}, not a frame or deck with a place"
+                remarks.append(Remark(said, tuple(dict.fromkeys(unread))))
+        return found, remarks
 
     def signal(self, word: str) -> str:
         """Return the signal that the list defines for a word, or the word itself."""
         own = {plain(spelling): name for spelling, name in self.signals}
         return own.get(plain(word), word)
 
-    def place(self, cells: Mapping[str, str]) -> tuple[float, float, float] | str:
-        """Return the position given by frame, deck and side, or the name of the unknown part."""
+    def parts(self, cells: Mapping[str, str]) -> dict[str, str]:
+        """Return the frame, the deck and the side that the cells of a row name, such as FR 34."""
         parts = {name: cell.replace(",", ".") for name, cell in cells.items() if name != "location"}
         # A comma before a digit is a decimal comma.
         several = re.split(r"[;/]|,(?![0-9])", cells.get("location", ""))
         for part in filter(None, (one.strip().replace(",", ".") for one in several)):
             kind = "frame" if re.match(r"(?i)fr", part) else "deck"
-            if kind == "deck" and (_side(part) is not None or parts.get("deck")):
+            is_deck = not parts.get("deck") and self.above(part) is not None
+            if kind == "deck" and not is_deck and (off_centre(part) is not None or "deck" in parts):
                 kind = "side"
             parts[kind] = parts.get(kind) or part
-        frame, deck = _offset(parts.get("frame", "")), _offset(parts.get("deck", ""))
-        number = _frame(frame[0])
+        return parts
+
+    def along(self, text: str) -> float | None:
+        """Return x at a frame [m], or None if it is unknown."""
+        frame, offset = _offset(text)
+        number = _frame(frame)
         numbers = sorted((float(_frame(word) or 0.0), x) for word, x in self.frames)
         if number is None or not (numbers and numbers[0][0] <= number <= numbers[-1][0]):
-            return "frame"
-        levels = {plain(name): z for name, z in self.decks}
-        if plain(deck[0]) not in levels:
-            return "deck"
-        side = _side(parts.get("side", ""))
-        if side is None:
-            return "side"
+            return None
         known, along = zip(*numbers, strict=True)
-        x = float(np.interp(number, known, along))
-        return x + frame[1], side, levels[plain(deck[0])] + deck[1]
+        return float(np.interp(number, known, along)) + offset
+
+    def above(self, text: str) -> float | None:
+        """Return z on a deck [m], or None if it is unknown."""
+        deck, offset = _offset(text)
+        level = {plain(name): z for name, z in self.decks}.get(plain(deck))
+        return None if level is None else level + offset
+
+
+def _place_tables(cells: Sequence[str]) -> list[tuple[str, int, int, str]]:
+    """Return the tables of frames or decks that a row of titles begins.
+
+    Each is the word, its column, the column of the place along that axis, and its unit.
+    """
+    columns = [(place, column) for place, cell in enumerate(cells) if (column := column_of(cell))]
+    if any(column.name == "tag" for _, column in columns):
+        return []
+    tables = []
+    for word, axis in (("frame", "x_m"), ("deck", "z_m")):
+        words = [place for place, column in columns if column.name == word]
+        axes = [(place, column.unit) for place, column in columns if column.name == axis]
+        tables += [(word, at, *one) for at, one in zip(words, axes, strict=False)]
+    return tables
 
 
 def is_place_titles(cells: Sequence[str]) -> bool:
     """Return whether cells are the titles of a table of frames or decks."""
-    names = {column.name for cell in cells if (column := column_of(cell))}
-    return "tag" not in names and (names >= {"frame", "x_m"} or names >= {"deck", "z_m"})
+    return bool(_place_tables(cells))
 
 
 def is_frame(cell: str) -> bool:
@@ -140,26 +169,49 @@ def _frame(text: str) -> float | None:
     return None if found is None else float(found[1])
 
 
-_PORT = {"p": 1, "ps": 1, "port": 1, "c": 0, "cl": 0, "centre": 0, "center": 0, "": 0,
-         "s": -1, "sb": -1, "stbd": -1, "starboard": -1, "좌": 1, "중": 0, "우": -1}  # fmt: skip
+_PORT = {
+    "port": 1, "ps": 1, "p": 1, "bb": 1, "좌": 1, "starboard": -1, "stbd": -1, "stb": -1, "sb": -1,
+    "s": -1, "우": -1, "centreline": 0, "centerline": 0, "centre": 0, "center": 0, "cl": 0,
+    "c": 0, "mitte": 0, "midt": 0, "중": 0,
+}  # fmt: skip
+_SIDE = re.compile(rf"[(\[]?(?<![^\W\d_])({'|'.join(_PORT)})(?![^\W\d_])[)\]]?\.?", re.IGNORECASE)
 
 
-def _side(text: str) -> float | None:
-    """Return the distance to port of the centre line [m], or None if the text is not a side."""
-    found = re.fullmatch(
-        r"([^\W\d]*)\.?\s*([0-9]+(?:\.[0-9]+)?)?\s*(?:m)?\s*([^\W\d]*)", text.strip()
-    )
-    word = "" if found is None else (found[1] or found[3]).casefold()
-    if found is None or word not in _PORT or (word and _PORT[word] and not found[2]):
+def _metres(text: str) -> float | None:
+    return read_number(text, ".", "m", "m")
+
+
+def has_side(text: str) -> bool:
+    """Return whether text names a side or the centre line."""
+    return _SIDE.search(text) is not None
+
+
+def off_centre(
+    text: str, beside: str = "", read: Callable[[str], float | None] = _metres
+) -> float | None:
+    """Return the distance to port of the centre line [m], or None if the text does not say it.
+
+    The text is such as P 4.2, 3.1(S), CL or -3.1, and `beside` is the side in another column. A
+    number without a side is positive to port.
+    """
+    rest = [number for cell in (text, beside) if (number := _SIDE.sub("", cell).strip(" /"))]
+    signs = {_PORT[side.casefold()] for side in _SIDE.findall(f"{text} {beside}")}
+    numbers = [read(number) for number in rest]
+    if None in numbers or len(signs) > 1 or len({abs(y or 0.0) for y in numbers}) > 1:
         return None
-    return _PORT[word] * float(found[2] or 0.0)
+    y = numbers[0] or 0.0 if numbers else None
+    sign = signs.pop() if signs else None
+    if sign is None or y is None:
+        return y or 0.0 if not sign else None
+    if sign * y < 0 < sign or (sign == 0 and y):
+        return None
+    return sign * abs(y)
 
 
 def _is_column(word: str, value: object) -> str:
-    name = column_of(str(value))
-    if name is None:
+    if column_of(str(value)) is None:
         raise ArgumentError("no column")
-    return name.name
+    return str(value)
 
 
 def _is_metres(word: str, value: object) -> float:
@@ -186,118 +238,20 @@ _LEGAL = {
 # Titles ---------------------------------------------------------------------------------------
 
 
-class Column(NamedTuple):
-    """The meaning of a title: the column, and the factor that converts values to its unit."""
-
-    name: str
-    scale: float = 1.0
-
-
 @cache
-def _titles() -> Mapping[str, str]:
-    known = {plain(name): name for name in (*COLUMNS, *PLACED)}
-    known |= {plain(n.rpartition("_")[0]): n for n, holds in COLUMNS.items() if holds in UNITS}
-    return {word: found[0][0] for word, found in spellings("column").items()} | known
+def words() -> Words:
+    """Return the titles of an I/O list."""
+    units = {name: name.rpartition("_")[2] for name, holds in COLUMNS.items()
+             if holds in ("length", "time")}  # fmt: skip
+    titles = {word: means[0][0] for word, means in spellings("column").items()}
+    titles |= {plain(name): name for name in (*COLUMNS, *PLACED) if name not in units}
+    titles |= {plain(name.rpartition("_")[0]): name for name in units}
+    return Words(titles, units | {"side": "m"})
 
 
-@lru_cache(4096)
 def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | None:
-    """Return the column that a title names, or None; a title may be in two languages."""
-    mine = {plain(word): name for word, name in own}
-    if plain(title) in mine:
-        return Column(mine[plain(title)])
-    if found := _column(title):
-        return found
-    # A unit in brackets may be anywhere; a second language may come before or after the first.
-    unit = re.search(r"[\[(]\s*(\w+)\s*[\])]", title)
-    bare, mark = title, ""
-    if unit is not None and any(unit[1].casefold() in known for known in UNITS.values()):
-        bare, mark = title.replace(unit[0], " "), f" {unit[1]}"
-    own_letters = ("".join(c if c.isascii() else " " for c in bare),
-                   "".join(" " if c.isascii() else c for c in bare))  # fmt: skip
-    for split in (own_letters, re.split(r"[/|()\[\]]", bare)):
-        parts = [part for part in split if plain(part)]
-        each = [_column(part + mark) for part in parts]
-        # A part of a title may be unknown only if it has a letter outside ASCII.
-        foreign = all(found or not part.isascii() for part, found in zip(parts, each, strict=True))
-        names = {found for found in each if found is not None}
-        if names == {Column("type"), Column("signal")}:  # a column of types may contain signals
-            names = {Column("type")}
-        if len(names) == 1 and foreign and (parts[1:] or mark):
-            return names.pop()
-    return None
-
-
-def _column(title: str) -> Column | None:
-    name = _titles().get(plain(title))
-    if name is not None:
-        return Column(name)
-    words = re.findall(r"[^\W_]+", title.casefold())
-    name = _titles().get("".join(words[:-1])) if words else None
-    units = UNITS.get(COLUMNS.get(name, ""), {}) if name is not None else {}
-    return Column(name, units[words[-1]]) if name is not None and words[-1] in units else None
-
-
-# Numbers --------------------------------------------------------------------------------------
-
-#: Replacements for East Asian wide characters, the minus sign and non-breaking spaces.
-_WIDE = {0xFF01 + k: 0x21 + k for k in range(94)} | {0x3000: 32, 0x2212: 45, 0xA0: 32, 0x202F: 32}
-
-_CELL = re.compile(
-    r"([+-]?(?:[0-9][0-9., ']*|[.,][0-9]+))(?<! )(e[+-]?[0-9]{1,3})? ?([^\W\d_]*)\.?", re.IGNORECASE
-)
-_GROUPS = {
-    mark: re.compile(rf"[+-]?[0-9]{{1,3}}(?:{re.escape(mark)}[0-9]{{3}})+") for mark in ",. '"
-}
-
-
-def widened(cell: str) -> str:
-    """Return a cell with wide characters replaced by plain ones."""
-    return cell if cell.isascii() else cell.translate(_WIDE).strip()
-
-
-def decimal_mark(cells: Iterable[str]) -> str:
-    """Return a list's decimal mark: a point, a comma, or "" if its numbers show neither or both."""
-    marks = set()
-    for cell in set(cells):
-        found = _CELL.fullmatch(widened(cell))
-        digits = found[1] if found else ""
-        last = max(".,", key=digits.rfind)
-        if digits.count(last) == 1 and not _GROUPS[last].fullmatch(digits):
-            marks.add(last)
-    return marks.pop() if len(marks) == 1 else ""
-
-
-def read_number(cell: str, mark: str, scale: float, units: Mapping[str, float]) -> float | None:
-    """Return a cell's number in the unit of its column, or None if it is illegible or ambiguous.
-
-    `scale` is the factor for the unit in the title; a unit in the cell overrides it. A comma is
-    ambiguous if it may mark decimals or separate thousands.
-    """
-    found = _CELL.fullmatch(widened(cell))
-    if found is None or (found[3] and found[3].casefold() not in units):
-        return None
-    digits, exponent, unit = found.groups()
-    for blank in " '":
-        digits = digits.replace(blank, "") if _GROUPS[blank].match(digits) else digits
-    last = max(".,", key=digits.rfind)
-    other = "." if last == "," else ","
-    if other in digits:
-        head, _, tail = digits.partition(last)
-        if not _GROUPS[other].fullmatch(head) or last in tail:
-            return None
-        digits = f"{head.replace(other, '')}.{tail}"
-    elif digits.count(last) > 1 or (mark and mark != last and _GROUPS[last].fullmatch(digits)):
-        if not _GROUPS[last].fullmatch(digits):
-            return None
-        digits = digits.replace(last, "")
-    elif last == "," and mark != "," and _GROUPS[","].fullmatch(digits):
-        return None
-    try:
-        value = float(digits.replace(",", ".") + (exponent or ""))
-    except ValueError:
-        return None
-    return value * (units[unit.casefold()] if unit else scale)
+    """Return the column of an I/O list that a title names, or None."""
+    return words().column_of(title, own)
 
 
 # Intrinsic safety -----------------------------------------------------------------------------

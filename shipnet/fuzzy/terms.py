@@ -24,7 +24,7 @@ NORMAL, UNDETERMINED = "normal", "undetermined"
 #: of NAMUR NE 43 for sensors with 4 to 20 mA: 3.6 mA and 21 mA.
 _BELOW, _ABOVE = 0.4 / 16, 1 / 16
 
-_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?"
+_NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?"
 _COMPARISON = re.compile(
     rf"(?:(?P<low>{_NUMBER})\s*(?P<from><=?)\s*)?x(?:\s*(?P<sign><=?|>=?|==)\s*(?P<end>{_NUMBER}))?"
 )

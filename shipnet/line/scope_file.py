@@ -58,7 +58,7 @@ _COUNTERS = ("x", "#", "n", "no", "nr", "index", "sample", "samples", "point", "
 #: Number of last rows from which a file's layout is found, and maximum number of header rows.
 _TAIL, _HEADER = 10, 2000
 
-_NUMBER = r"[+-]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][+-]?[0-9]+)?"
+_NUMBER = r"[+-]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][+-]?[0-9]+)?"
 _IS_NUMBER = re.compile(rf"{_NUMBER}|[+-]?inf", re.ASCII)
 _QUANTITY = re.compile(rf"(?:[^:=]*[:=])?\s*({_NUMBER})\s*([a-zµμ/]*)", re.ASCII | re.IGNORECASE)
 _UNIT_IN_TITLE = re.compile(r"(.*?)\s*(?:[(\[]([^()\[\]]*)[)\]]|\bin\s+(\S+))\s*")

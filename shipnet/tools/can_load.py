@@ -104,13 +104,15 @@ class CanLoad(Tool):
     def _view(self) -> View:
         late, n = self.result.late, len(self.result)
         load = {f"load, {name}": f"{share:.1%}" for name, share in self.load.items()}
+        remarks = self.messages.remarks
+        read = {"how the list was read": "; ".join(remarks)} if remarks else {}
         rate = "none" if self.lowest == inf else f"{self.lowest / 1e3:g} kbit/s"
         return View(
             verdict=f"{len(late)} of {n} may be late: {', '.join(late)}"
             if late
             else f"all {n} messages meet their deadlines",
             ok=not late,
-            numbers={**load, "lowest standard bit rate that meets all deadlines": rate},
+            numbers={**load, **read, "lowest standard bit rate that meets all deadlines": rate},
             plot=self.plot,
             height=1.2 + 0.28 * n,
             about="Longest response time of each message, as a bar, and its deadline",

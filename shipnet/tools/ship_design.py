@@ -145,8 +145,8 @@ class ShipDesign(Tool):
         help="One more option, which connects some points by one method and the others by another. "
         "With few boxes and stations, a mix may cost more than either method alone.",
     )  # fmt: skip
-    redundant: bool = switch(
-        default=False, label="two lines", help="The trunks of CAN and Modbus are laid twice."
+    doubled: bool = switch(
+        default=True, label="two lines", help="Also compare CAN and Modbus with doubled trunks."
     )
     rules: str = choice(
         {name: name for name in RULE_SETS}, default="DNV", label="rules",
@@ -204,7 +204,8 @@ class ShipDesign(Tool):
         """The options to compare."""
         chosen = {
             "home runs": self.home_runs, "junction boxes": self.junction_boxes, "AS-i": self.asi,
-            "CAN": self.can, "Modbus RTU": self.modbus, self.mixed: self.mixed != "none",
+            "CAN": self.can, "CAN doubled": self.can and self.doubled, "Modbus RTU": self.modbus,
+            "Modbus RTU doubled": self.modbus and self.doubled, self.mixed: self.mixed != "none",
         }  # fmt: skip
         return tuple(option for option, wanted in chosen.items() if wanted)
 
@@ -221,7 +222,7 @@ class ShipDesign(Tool):
     def _settings(self) -> Settings:
         """Return the values of the controls, overridden by the user's own settings."""
         values: dict[str, object] = {
-            "spare": self.spare, "redundant": self.redundant, "list_lengths": self.list_lengths,
+            "spare": self.spare, "list_lengths": self.list_lengths,
             "detour": self.detour, **_prices(self.labour, self.parts),
         }  # fmt: skip
         given = Settings.parse(self.own, "limits and prices")

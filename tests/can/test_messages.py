@@ -220,20 +220,20 @@ def test_all_faults_of_a_file_are_named_at_once(tmp_path):
         [
             "row 7 has 10 cells; expected 8",
             "row 2, arbitration_id is 2048; it must be a whole number 0..2047",
-            "row 3, column dlc: '9'; expected a whole number 0..8",
-            "row 3, column period_ms: '0'; expected a number 0.001..1e+08 ms",
-            "row 3, column jitter_ms: '-1'; expected a number 0..1e+08 ms",
-            "row 3, column extended: 'maybe'; expected yes or no",
-            "row 3, column bits: '12'; expected a whole number 47..160",
-            "row 4, column name is empty; it is required",
-            "row 4, column period_ms: 'nan'; expected a number 0.001..1e+08 ms",
-            "row 4, column deadline_ms: '0'; expected a number 0.001..1e+08 ms",
+            "row 3, column dlc (C): '9'; expected a whole number 0..8",
+            "row 3, column period_ms (D): '0'; expected a number 0.001..1e+08 ms",
+            "row 3, column jitter_ms (F): '-1'; expected a number 0..1e+08 ms",
+            "row 3, column extended (G): 'maybe'; expected yes or no",
+            "row 3, column bits (H): '12'; expected a whole number 47..160",
+            "row 4, column name (A): is empty; expected a value",
+            "row 4, column period_ms (D): 'nan'; expected a number 0.001..1e+08 ms",
+            "row 4, column deadline_ms (E): '0'; expected a number 0.001..1e+08 ms",
             "row 6: name 'C' is taken",
             "row 6: arbitration_id 0x004 of 'C' is taken by 'C'",
-            "row 8, column arbitration_id: '5.5'; expected an identifier 0..0x7FF, or 0x1FFFFFFF "
-            "if extended",
-            "row 8, column period_ms: 'inf'; expected a number 0.001..1e+08 ms",
-            "row 8, column deadline_ms: '1e999'; expected a number 0.001..1e+08 ms",
+            "row 8, column arbitration_id (B): '5.5'; expected an identifier 0..0x7FF, or "
+            "0x1FFFFFFF if extended",
+            "row 8, column period_ms (D): 'inf'; expected a number 0.001..1e+08 ms",
+            "row 8, column deadline_ms (E): '1e999'; expected a number 0.001..1e+08 ms",
         ]
     )
 
@@ -252,13 +252,13 @@ def test_an_identifier_may_have_leading_zeros():
         ("\n;;\n", "is empty"),
         ("name,arbitration_id,dlc,period_ms\n", "has no message"),
         (
-            "name,dlc,Cycle\nA,8,1\n",
-            "column 3: title 'cycle' has no unit; write period_",
+            "name,id,dlc,Cycle\nA,1,8,1\n",
+            "row 2, column Cycle (D): '1'; expected a unit in the title, such as period_ms or [ms]",
         ),
-        ("name,dlc,every\nA,8,1\n", "column 3: title 'every' is unknown; expected one of name"),
+        ("name,dlc,every\nA,8,1\n", "unknown titles: every; columns= or --column TITLE=NAME may"),
         ("name,dlc,period\nA,8,1\n", "no column arbitration_id"),
-        ("id,can-id,name,dlc,period_ms\n", "title 'arbitration_id' appears twice"),
-        ("name,name,arbitration_id,dlc,period_ms\n", "title 'name' appears twice"),
+        ("id,can-id,name,dlc,period_ms\n", "row 1: 'id' and 'can-id' both mean arbitration_id"),
+        ("name,name,arbitration_id,dlc,period_ms\n", "row 1: 'name' and 'name' both mean name"),
         (b"name\0", "is not text"),
         ("name,dlc\n" + 200_000 * "a" + ",1\n", "is not a CSV file: field larger"),
     ],
@@ -376,9 +376,9 @@ def test_titles_can_be_named_and_a_period_given(tmp_path):
     columns = {"Number": "arbitration_id", "Every": "period_ms"}
     found = read_messages(file, columns=columns, period=0.5)
     assert found.periods.tolist() == [0.02, 0.5]
-    with pytest.raises(InputError, match="row 3, column period_ms is empty"):
+    with pytest.raises(InputError, match=r"row 3, column Every \(D\): is empty"):
         read_messages(file, columns=columns)
-    with pytest.raises(InputError, match="no column 'cycle'; the titles are name, number"):
+    with pytest.raises(InputError, match="no column 'cycle'; the titles are Name, Number"):
         read_messages(file, columns={"cycle": "period_ms"})
 
 
@@ -559,3 +559,92 @@ def test_an_unknown_way_of_counting_is_refused():
         bus_load(engine(), 125_000, "longest")
     with pytest.raises(ArgumentError, match="name is 'tanker'"):
         example("tanker")
+
+
+# Lists as yards write them.
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "HULL 1;;;;\nName;CAN-ID;Length (bytes);Cycle time;Format\nMain engine;;;;\n"
+        "oil;0x110;8;20 ms;Std\nrpm;0x18FEF100;4;1 s;Ext\n",
+        "Name;CAN-ID (hex);DLC;Cycle [ms];Frame format\noil;110;8 bytes;20,0;11 bit\n"
+        "rpm;18FEF100;4;1000;29 bit\n",
+        "Identification;;Data;\nName;CAN-ID;DLC;Cycle [s]\noil;110h;8;0,02\nrpm;18FEF100h;4;1\n",
+        "supplier,Name,CAN-ID,DLC,Cycle [ms]\nACME,oil,272,8,20\nACME,rpm,0x18FEF100,4,1e3\n",
+    ],
+)
+def test_a_list_of_a_yard_is_read_like_a_plain_one(tmp_path, text):
+    expected = MessageSet(
+        [Message("oil", 0x110, 8, 0.02), Message("rpm", 0x18FEF100, 4, 1.0, extended=True)]
+    )
+    assert load(tmp_path, text) == expected
+    separator = "," if text.startswith("supplier") else ";"
+    book = tmp_path / "set.xlsx"
+    lines = [line.split(separator) for line in text.splitlines()]
+    pd.DataFrame(lines).to_excel(book, index=False, header=False)
+    assert read_messages(book) == expected
+
+
+def test_what_is_left_out_of_a_list_or_not_used_is_said(tmp_path):
+    text = "Name;CAN-ID;DLC;Cycle;Maker\nMain engine;;;;\noil;1;8;20 ms;A\ngas;2;;1 s;\n"
+    found = load(tmp_path, text.replace("2;;1", "2;do.;1"))
+    assert found["gas"].dlc == 8
+    assert found.remarks == (
+        "not used: Maker",
+        "left out, not a message: a subtitle, page header, page footer or note: 1 row (2)",
+        "DLC: ditto marks filled from the row above: 1 row (4)",
+    )
+    assert "1 row (4)" in repr(found)
+    assert (
+        read_messages(tmp_path / "set.csv", columns={"Maker": "note"}).remarks[0].startswith("le")
+    )
+    assert MessageSet(found).remarks == example().remarks == ()
+
+
+@pytest.mark.parametrize(
+    ("title", "cell", "message"),
+    [
+        ("Cycle (h)", "1", "title 'Cycle (h)' has the unit 'h'; expected s, ms"),
+        ("Cycle (m)", "1", "title 'Cycle (m)' has the unit 'm'; expected s, ms"),
+        ("Cycle", "20", "'20'; expected a unit in the title, such as period_ms"),
+        ("Cycle [ms]", "20 h", "'20 h'; expected a number 0.001..1e+08 ms"),
+        ("Cycle [ms]", "1.000", "'1.000'; expected a number 0.001..1e+08 ms; it may be 1 or 1000"),
+    ],
+)
+def test_a_time_without_a_clear_unit_or_number_is_refused(tmp_path, title, cell, message):
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, f"name;id;dlc;{title}\nA;1;8;{cell}\n")
+    assert any(message in fault for fault in caught.value.faults)
+
+
+def test_the_unit_in_a_title_that_is_mapped_counts(tmp_path):
+    file = tmp_path / "yard.csv"
+    file.write_text("Name;id;dlc;Takt (s);Rest [s]\noil;1;8;2;3\n")
+    for columns, expected in (
+        ({"Takt (s)": "period_ms"}, (2.0, 2.0)), ({"Takt (s)": "period_s"}, (2.0, 2.0)),
+        ({"Takt (s)": "period_ms", "Rest [s]": "deadline_ms"}, (2.0, 3.0)),
+    ):  # fmt: skip
+        message = read_messages(file, columns=columns)["oil"]
+        assert (message.period, message.deadline) == expected
+    with pytest.raises(ArgumentError, match="columns has 'perod'; it must be one of name"):
+        read_messages(file, columns={"Takt (s)": "perod"})
+
+
+TITLES = st.sampled_from(["name", "id", "dlc", "period_ms", "extended", "note", ""])
+CELLS = st.sampled_from(
+    ["A", "1", "0x10", "8", '"', "-", "1,5", "nan", "Ext", "", "9" * 5000, "0x" + "F" * 5000,
+     "=1+1", "12 ms"]
+)  # fmt: skip
+
+
+@given(st.lists(TITLES, max_size=8), st.lists(st.lists(CELLS, max_size=8), max_size=5))
+def test_any_table_gives_a_set_or_an_input_error(tmp_path_factory, titles, rows):
+    file = tmp_path_factory.getbasetemp() / "table.csv"
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        csv.writer(stream, delimiter=";").writerows([titles, *rows])
+    try:
+        assert len(read_messages(file)) >= 1
+    except InputError as error:
+        assert error.faults

@@ -12,6 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from shipnet import datasets
+from shipnet.design.planning import OPTIONS
 
 CLOSE = 1e-6
 
@@ -123,7 +124,9 @@ class Segment:
 
 def check_chain(own, longest):
     """The trunk runs from the master past each station once, and so does the second line."""
-    lines = [own.trunk, own.second] if own.settings.redundant else [own.trunk]
+    doubled = len(own.second) > 0
+    assert own.design.name not in OPTIONS or own.design.name.endswith("doubled") == doubled
+    lines = [own.trunk, own.second] if doubled else [own.trunk]
     for trunk in lines:
         assert len(trunk) == own.count("station")
         assert trunk["length_m"].sum() <= longest + CLOSE
@@ -170,7 +173,7 @@ def check_modbus(own):
     check_chain(own, limits.length * (1 + limits.repeaters))
     stations = own.count("station")
     assert stations <= limits.units
-    repeaters = own.count("repeater") // (2 if own.settings.redundant else 1)
+    repeaters = own.count("repeater") // (2 if len(own.second) else 1)
     assert repeaters == own.row.repeaters <= limits.repeaters
     assert stations + 1 + 2 * repeaters <= limits.unit_loads * (1 + repeaters)
     units = defaultdict(lambda: {"input": set(), "holding": set()})
@@ -210,7 +213,7 @@ def check_modbus(own):
     room = min(limits.units, (1 + limits.repeaters) * (limits.unit_loads - 2) + 1)
     used = max(scan / own.need.min(), stations / room)
     assert abs(used - own.row.capacity_used) < 1e-9
-    if own.settings.redundant:
+    if len(own.second):
         assert abs(1e3 * (scan + given_up) - own.row.switch_over_ms) < CLOSE
     else:
         assert np.isnan(own.row.switch_over_ms)

@@ -1,17 +1,21 @@
 """AS-i lines: cables and repeaters, positions of supplies, and response times."""
 
-from itertools import pairwise
+from collections import Counter
+from itertools import combinations, pairwise
 
+import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.distance import cdist
 
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
 from shipnet.asi.segment import Supply
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import Cycle, Transaction
+from shipnet.design import drafting
 from shipnet.design.layout import Site
 from shipnet.design.plan_asi import Piece, draw, place_supply, response
 from shipnet.design.planning import plan
@@ -29,32 +33,143 @@ def between(places):
     return abs(x - x[:, None])
 
 
-@settings(max_examples=50)
-@given(st.lists(st.integers(1, 150), min_size=1, max_size=8), st.booleans())
-def test_no_segment_exceeds_its_length_and_no_cable_is_lost(hops, tree):
-    ways = between(np.cumsum([0, *hops]))
-    drawn = draw(ways, ways, Settings({"asi.length": 60, "asi.tree": tree}).asi)
-    behind = {out for _, out in drawn.repeaters}
-    used, part = {}, {"0": 0}
-    for piece in drawn.pieces:
-        part.setdefault(piece.near, len(part))
-        part[piece.far] = part[piece.near]
-        used[part[piece.near]] = used.get(part[piece.near], 0) + piece.length
-        assert piece.near in behind or piece.near == "0" or piece.near.isdigit()
-    assert max(used.values()) <= 60 + 1e-9
-    assert drawn.length == pytest.approx(sum(hops))
-    assert {piece.far for piece in drawn.pieces} >= {str(n) for n in range(1, len(hops) + 1)}
-    for edge in {piece.edge for piece in drawn.pieces}:
-        assert sum(p.share for p in drawn.pieces if p.edge == edge) == pytest.approx(1)
+def fewest_repeaters(edges, length, limits):
+    """Return the fewest repeaters of a line, by trying all ways to divide it into segments.
+
+    The cable to each module continues a segment of the module before, or begins one there. The
+    plan has one supply per segment, so the fewest repeaters also need the fewest supplies.
+    """
+
+    def powered(segment):
+        # The voltage at each module, for a supply at the best of all places.
+        graph, current = nx.Graph(), 0.065
+        graph.add_weighted_edges_from((a, b, length[b]) for a, b in segment["edges"])
+        drawn = Counter([*graph, segment["edges"][0][0], *segment["begun"]])
+        ways = dict(nx.all_pairs_shortest_path(graph))
+        cables = {
+            (a, b): {frozenset(run) for run in pairwise(ways[a][b])} for a in ways for b in ways
+        }
+        metres = {frozenset(edge): length[edge[1]] for edge in segment["edges"]}
+        drop = min(
+            max(
+                sum(amps * metres[run] for b, amps in drawn.items()
+                    for run in cables[supply, a] & cables[supply, b])
+                for a in graph
+            )
+            for supply in graph
+        )  # fmt: skip
+        lowest = limits.voltage - CABLES["as-i 1.5"].resistance * current * drop
+        return drawn.total() * current <= limits.rating and lowest >= 26.5
+
+    def divides(rest, segments, at, left):
+        if not rest:
+            return all(powered(segment) for segment in segments)
+        near, far = rest[0]
+        for segment in at[near]:
+            if sum(length[b] for _, b in segment["edges"]) + length[far] <= limits.length:
+                segment["edges"].append(rest[0])
+                if divides(rest[1:], segments, {**at, far: [segment]}, left):
+                    return True
+                segment["edges"].pop()
+        before = at[near][0]
+        if left == 0 or before["series"] == limits.repeaters:
+            return False
+        begun = {"edges": [rest[0]], "begun": [], "series": before["series"] + 1}
+        before["begun"].append(near)
+        at = {**at, near: [*at[near], begun], far: [begun]}
+        if divides(rest[1:], [*segments, begun], at, left - 1):
+            return True
+        before["begun"].pop()
+        return False
+
+    for repeaters in range(len(edges)):
+        first = {"edges": [], "begun": [], "series": 0}
+        if divides(edges, [first], {0: [first]}, repeaters):
+            return repeaters
+    return None
+
+
+def scattered(seed, span=(90, 30, 10)):
+    """Return 8 to 20 places, and the shortest tree from the cabinet past them."""
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(-np.array([0, 30, 0]), span, (rng.integers(8, 21), 3)).round(2)
+    graph = nx.Graph()
+    for (a, start), (b, end) in combinations(enumerate([np.zeros(3), *places]), 2):
+        graph.add_edge(a, b, weight=abs(start - end).sum())
+    edges = list(nx.dfs_edges(nx.minimum_spanning_tree(graph), 0))
+    return places, edges, {b: graph.edges[a, b]["weight"] for a, b in edges}
+
+
+# Lists that one line can serve, with 2 to 5 repeaters.
+@pytest.mark.parametrize("seed", [0, 5, 7, 14, 18, 22, 28, 30, 39, 55])
+def test_repeaters_and_supplies_are_as_few_as_brute_force_finds(seed):
+    places, edges, length = scattered(seed)
+    rows = [("contact", place, 1000) for place in places.tolist()]
+    design = plan(
+        table(rows), Site((0, 0, 0), detour=1, tails=0), "AS-i", settings=Settings({"asi.reach": 0})
+    )
+    kinds = Counter(design.devices["kind"])
+    assert design.fits and kinds["module"] == len(places) and kinds["master"] == 1
+    assert kinds["repeater"] == fewest_repeaters(edges, length, LIMITS)
+    assert kinds["supply"] == kinds["repeater"] + 1
+
+
+@settings(max_examples=100)
+@given(
+    st.lists(st.tuples(st.integers(-90, 90), st.integers(-90, 90)), min_size=1, max_size=9),
+    st.sampled_from([60, 100, 250]),
+    st.integers(0, 3),
+    st.booleans(),
+)
+def test_a_line_is_divided_within_its_limits_into_the_fewest_segments(places, most, series, tree):
+    limits = Settings({"asi.length": most, "asi.repeaters": series, "asi.tree": tree}).asi
+    ways = cdist([(0, 0), *places], [(0, 0), *places], "cityblock")
+    drawn = draw(ways, ways, limits)
+    edges = drafting.tree(ways) if tree else list(pairwise(drafting.chain(ways)))
+    length = {far: max(ways[near, far], 0.01) for near, far in edges}
+    if max(length.values()) <= most:
+        fewest = fewest_repeaters(edges, length, limits)
+        assert fewest == (None if drawn is None else len(drawn.repeaters))
+    if drawn is None:
+        return
+    depth = {"0": 0}
+    for into, out in drawn.repeaters:
+        depth[out] = depth[next(h for h, own in drawn.segments.items()
+                                if into in {h, *(piece.far for piece in own)})] + 1  # fmt: skip
+    assert set(depth) == set(drawn.segments) and max(depth.values()) <= series
+    for head, segment in drawn.segments.items():
+        assert sum(piece.length for piece in segment) <= most + 1e-9
+        graph = nx.Graph([(piece.near, piece.far) for piece in segment])
+        assert nx.is_tree(graph) and head in graph
+    assert {piece.far for piece in drawn.pieces} >= {str(far) for _, far in edges}
+    for near, far in edges:
+        own = [piece for piece in drawn.pieces if piece.edge == (near, far)]
+        assert sum(piece.length for piece in own) == pytest.approx(length[far])
+        assert sum(piece.share for piece in own) == pytest.approx(1)
 
 
 @pytest.mark.parametrize(
-    ("places", "depth"),
-    [((0, 100), 0), ((0, 101), 1), ((0, 200), 1), ((0, 201), 2), ((0, 300), 2), ((0, 301), 3)],
+    ("places", "repeaters"),
+    [((0, 100), 0), ((0, 101), 1), ((0, 200), 1), ((0, 201), 2), ((0, 300), 2)],
 )
-def test_a_long_line_has_a_repeater_every_100_m(places, depth):
-    drawn = draw(between(places), between(places), LIMITS)
-    assert drawn.depths[-1] == max(drawn.depths) == depth == len(drawn.repeaters)
+def test_a_long_cable_has_a_repeater_every_100_m(places, repeaters):
+    assert len(draw(between(places), between(places), LIMITS).repeaters) == repeaters
+
+
+def test_a_cable_longer_than_repeaters_in_series_allow_is_refused_with_its_length():
+    assert draw(between((0, 301)), between((0, 301)), LIMITS) is None
+    far = table([("contact", (301, 0, 0), 1000)])
+    design = plan(far, Site((0, 0, 0), detour=1, tails=0), "AS-i")
+    (reason,) = design.reasons.itertuples()
+    assert (reason.limit, reason.value, reason.bound) == ("length", 301, 300)
+
+
+def test_a_line_of_many_branches_is_divided_in_little_time():
+    # 60 cables of 10 to 20 m from the cabinet: comparing all divisions would take years.
+    spokes = np.concatenate([[0], np.random.default_rng(1).uniform(10, 20, 60)])
+    ways = (spokes[:, None] + spokes) * (1 - np.eye(61))
+    drawn = draw(ways, ways, LIMITS)
+    assert len(drawn.repeaters) == -(-spokes.sum() // 100) - 1
 
 
 @settings(max_examples=30)
@@ -69,8 +184,8 @@ def test_the_supply_is_where_the_voltage_drop_is_least(hops, currents):
         for a, b in pairwise(range(len(places)))
     ]
     draws = {str(n): currents[n] for n in range(len(places))}
-    # This name does not exist, so no place is preferred.
-    found = place_supply(pieces, draws, "none", 30.0, CABLES["as-i 1.5"].resistance)
+    # At 20 V no place is good enough, so none is preferred.
+    found = place_supply(pieces, draws, 20.0, CABLES["as-i 1.5"].resistance)
 
     def lowest(node):
         circuit = Plan(

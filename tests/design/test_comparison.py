@@ -1,13 +1,16 @@
 """Comparison of options, the Pareto front, and the position of the cabinet."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
+from matplotlib.figure import Figure
+from scipy.stats import triang
 
 from shipnet import datasets
 from shipnet.design.comparison import CRITERIA, compare, pareto_optimal
@@ -105,29 +108,154 @@ def test_the_headline_names_the_cheapest_design_without_violations_and_its_extra
     rules = RuleSet((Rule("two", "lines of a link", 2, bound="at least", confirmed="yes"),))
     one, two = small_loop(), small_loop(redundant=True)
     costs = [design.quantities()["total_cost_eur"] for design in (one, two)]
-    more = number(costs[1] - costs[0])
+    less = number(costs[1] - costs[0])
     found = compare([one, two], rules=rules)
     assert found.best is two and found.verdict == (
-        "cheapest design that connects every point and violates no rule: example, redundant, "
-        f"{number(costs[1])} EUR; {more} EUR more than example, which violates 1 rule"
+        f"example, redundant, {number(costs[1])} EUR, is the only design that connects every point "
+        f"and violates no rule; example costs {less} EUR less but violates 'two'"
     )
-    assert found.conclusions()[0] == f"C{found.verdict[1:]}."
-    assert "more than" not in compare([two], rules=rules).verdict
+    assert found.conclusions()[:2] == [f"E{found.verdict[1:]}.", "example violates 'two'."]
+    assert "less" not in compare([two], rules=rules).verdict
     assert compare([one], rules=rules).conclusions()[0] == (
         "Every design that connects all points violates a rule."
     )
 
 
+def test_the_headline_says_how_many_rules_are_not_verified_and_how_many_are_unread():
+    read, unread = (Rule(name, "lines of a link", 1, bound="at least", confirmed=name)
+                    for name in ("yes", "no"))  # fmt: skip
+    unshown = Rule("memory", "", 0, confirmed="yes")
+
+    def doubt(*rules):
+        said = compare([small_loop()], rules=RuleSet(rules)).verdict
+        return said.partition("violates no rule")[2]
+
+    assert doubt(read) == ""
+    assert doubt(read, unshown) == " (1 of 2 rules not verified)"
+    assert doubt(read, unshown, unread) == " (2 of 3 rules not verified, 1 unread)"
+
+
+def test_the_summary_names_the_rules_that_each_design_violates():
+    rules = tuple(
+        Rule(f"rule {n}", "lines of a link", 9, bound="at least", confirmed="yes") for n in range(5)
+    )
+    both = compare([small_loop(), small_loop(redundant=True)], rules=RuleSet(rules))
+    said = "example, example, redundant violate 'rule 0', 'rule 1', 'rule 2' and 2 more."
+    assert said in both.conclusions()
+
+
+#: A rule set that every design that connects all points meets, and one that a single line violates.
+NO_LIMIT = RuleSet((Rule("every point", "unconnected points", 0, confirmed="yes"),))
+TWO_LINES = RuleSet((Rule("two", "lines of a link", 2, bound="at least", confirmed="yes"),))
+
+RANGES = st.lists(st.integers(1, 100), min_size=3, max_size=3).map(sorted)
+
+
+@settings(max_examples=20)
+@given(RANGES, RANGES)
+def test_the_probability_of_being_the_cheapest_agrees_with_an_integral(terminator, repeater):
+    """Two designs differ in one part, and both prices have triangular distributions."""
+    prices = {"terminator": terminator, "repeater": [n + 0.5 for n in repeater]}
+    values = Settings({f"assumptions.{name}": ends for name, ends in prices.items()})
+    one, designs = small_loop(), []
+    for kind in prices:
+        extra = one.devices.iloc[[-1]].assign(device="extra", kind=kind, at="")
+        devices = pd.concat([one.devices, extra])
+        designs.append(replace(one, name=kind, devices=devices).priced(values))
+    found = compare(designs, rules=NO_LIMIT)
+    a, b = (
+        triang(c=(mode - low) / max(high - low, 1e-3), loc=low, scale=max(high - low, 1e-3))
+        for low, mode, high in prices.values()
+    )
+    x = np.linspace(min(a.ppf(0), b.ppf(0)), max(a.ppf(1), b.ppf(1)), 20_001)
+    expected = float((np.diff(b.cdf(x)) * a.cdf((x[1:] + x[:-1]) / 2)).sum())
+    assert found.chances["terminator"] == pytest.approx(expected, abs=0.025)
+    assert list(found.chances) == found.meeting
+    assert sum(found.chances.values()) == pytest.approx(1)
+    percent = re.search(r"cheapest with (\d+) % probability", found.verdict)
+    chance = 100 * found.chances[found.best.name]
+    assert int(percent[1]) == pytest.approx(min(max(chance, 1), 99), abs=0.51)
+    assert found.chances == compare(designs, rules=NO_LIMIT).chances
+
+
+def test_a_probability_of_one_or_zero_is_not_claimed():
+    found = compare([small_loop(), small_loop(redundant=True)], rules=NO_LIMIT)
+    assert found.chances == {"example": 1, "example, redundant": 0}
+    assert "(cheapest with 99 % probability)" in found.verdict
+    assert compare([small_loop()], rules=TWO_LINES).chances == {}
+
+
+def test_the_headline_names_the_doubled_bus_that_would_be_the_best():
+    iolist, ways = ship(60), ["home runs", "CAN"]
+    cost = iolist.plan("CAN doubled", (0, 0, 0)).quantities()["total_cost_eur"]
+    remedy = f"CAN doubled would cost {number(cost)} EUR and violate none of the rules verified"
+    found = iolist.compare((0, 0, 0), ways, rules=TWO_LINES)
+    assert found.best.name == "home runs" and found.verdict.endswith(f"; {remedy}")
+    assert iolist.compare((0, 0, 0), ["CAN"], rules=TWO_LINES).verdict == (
+        f"every design that connects all points violates a rule; {remedy}"
+    )
+    both = iolist.compare((0, 0, 0), [*ways, "CAN doubled"], rules=TWO_LINES)
+    assert both.best.name == "CAN doubled" and "would" not in both.verdict
+    assert "would" not in iolist.compare((0, 0, 0), ways, rules=NO_LIMIT).verdict
+    few = ship(2).compare((0, 0, 0), ways, rules=TWO_LINES)
+    assert few.best.name == "home runs" and "would" not in few.verdict
+
+
+def test_single_and_doubled_buses_are_columns_of_one_table():
+    found = ship(30).compare((0, 0, 0))
+    assert list(found.designs) == list(found.short().columns) == [
+        "home runs", "junction boxes", "AS-i", "CAN", "CAN doubled", "Modbus RTU",
+        "Modbus RTU doubled",
+    ]  # fmt: skip
+    costs, lost = found.table()["total_cost_eur"], found.table()["lost_by_cable"]
+    for bus in ("CAN", "Modbus RTU"):
+        assert costs[bus] < costs[f"{bus} doubled"] and lost[bus] > lost[f"{bus} doubled"] == 1
+
+
+def test_a_list_without_positions_cannot_be_compared_and_says_what_to_give():
+    lengths = IoList.parse("tag,signal,home run\nA,contact,20\nB,4-20mA Ex ia,30\n")
+    found = lengths.compare(settings={"field_barriers": True})
+    cost = number(found.quantities["home runs"]["total_cost_eur"])
+    assert found.verdict.startswith(
+        "nothing to compare: only home runs can connect points; give the position of each point, "
+        f"as x, y, z or frame, deck and side; home runs, {cost} EUR, is the only design that"
+    )
+    table = found.table().drop(columns=["points_left_out", "pareto"]).drop(index="home runs")
+    assert len(table) == 6 and table.isna().all(axis=None)
+    short = found.short()
+    assert short.loc["rules violated"].tolist() == ["0", *["-"] * 6]
+    assert short.loc["total cost [EUR]"].tolist() == [cost, *["-"] * 6]
+    assert sum(said.endswith("(and 1 more).") for said in found.conclusions()) == 1
+    assert "no point is connected" in repr(found.quantities["CAN"])
+    bottom, top = found.plot(ax=Figure().subplots()).get_ylim()
+    assert bottom > 6.2 and top < -0.2  # every design has its row
+    assert not re.search(r"\bnan\b", found.html() + str(found))
+    alone = lengths.compare(None, ["CAN"], settings={"field_barriers": True})
+    assert alone.verdict.startswith("nothing to compare: no design can connect a point; give the")
+    assert not alone.ok and not re.search(r"\bnan\b", str(alone))
+
+
+def test_the_text_says_how_many_prices_are_assumed():
+    found, own = (
+        ship(4).compare((0, 0, 0), ["home runs"], settings=values)
+        for values in ({}, {"assumptions.labour_rate": 60})
+    )
+    used = len(found.quantities["home runs"].assumptions)
+    said = "prices, masses, hours and factors are assumed."
+    assert str(found).endswith(f"{used} of {used} {said}")
+    assert str(own).endswith(f"{used - 1} of {used} {said}")
+
+
 def test_an_option_that_leaves_points_out_is_not_a_saving_and_gives_the_reason():
     unplaced = IoList.parse("tag,signal,home run,x,y,z\nL-1,contact,20,,,\nL-2,contact,20,5,2,3\n")
     found = unplaced.compare(small_loop().site)
-    assert found.table()["points_left_out"].tolist() == [0, 1, 1, 1, 1]
+    assert found.table()["points_left_out"].tolist() == [0, 1, 1, 1, 1, 1, 1]
     assert found.tornado().between == ("home runs",)
     assert any("the list gives no position for L-1" in said for said in found.conclusions())
     turned = unplaced.compare(small_loop().site, ["CAN", "AS-i", "home runs", "junction boxes"])
     assert turned.tornado().between == ("home runs",)
     fast = IoList.parse("tag,signal,x,y,z,update\nL-1,contact,5,2,3,1\nL-2,contact,6,2,3,1\n")
-    (said,) = fast.compare(small_loop().site, ["home runs", "Modbus RTU"]).conclusions()[1:2]
+    said = fast.compare(small_loop().site, ["home runs", "Modbus RTU"]).conclusions()[1]
     assert said.startswith("Modbus RTU leaves out 2 of 2 points: L-1 needs an update every 1 ms;")
     assert said.endswith("(and 1 more).")
 
@@ -247,8 +375,8 @@ def test_the_price_of_a_response_limit_is_the_difference_from_the_plan_without_i
     design, loose = found.designs[option], iolist.plan(option, (0, 0, 0))
     more = found.quantities[option]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
     assert more > 0 and design.check(rules).ok and not loose.check(rules).ok
-    said = f"{option} costs {number(more)} EUR more than without them."
-    assert f"With the rules' response limits, {said}" in found.conclusions()
+    said = f"{option} costs {number(more)} EUR more than without the rules' response limits."
+    assert said in found.conclusions()
     again = found.plan(option, name="again")
     assert again.points["response_ms"].equals(design.points["response_ms"])
     priced = design.priced(Settings({"assumptions.labour_rate": 0}))

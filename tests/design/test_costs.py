@@ -29,7 +29,6 @@ from shipnet.design.layout import Site, frame
 from shipnet.design.planning import OPTIONS as OPTIONS_OF_A_PLAN
 from shipnet.design.planning import plan
 from shipnet.design.plant import Plant
-from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError
 from shipnet.signals import hardwired_conductors
 from tests.design.lists import small_loop
@@ -171,10 +170,7 @@ def test_planned_networks_are_summed_in_the_same_way(ship, option):
 
 
 def test_a_station_with_two_lines_costs_a_second_interface(ship):
-    one, two = (
-        plan(ship, Site((22.0, 0.0, 14.0)), "CAN", settings=Settings({"redundant": redundant}))
-        for redundant in (False, True)
-    )
+    one, two = (plan(ship, Site((22.0, 0.0, 14.0)), way) for way in ("CAN", "CAN doubled"))
     stations = int((two.devices["kind"] == "station").sum())
     assert Model(two).items["second_interface"] == stations > 1
     assert "second_interface" not in Model(one).items
@@ -387,6 +383,7 @@ def test_the_tornado_shows_the_effect_of_each_changed_assumption(monkeypatch):
 
 def test_the_tornado_is_sorted_and_names_the_largest_swings():
     found = tornado(OPTIONS)
+    assert repr(found) == f"<Tornado: {found}>" and "\n" not in repr(found)
     assert found.every["swing"].is_monotonic_decreasing
     assert found.between == ("AS-i", "hardwired")
     assert found.at_nominal < 0

@@ -254,7 +254,7 @@ def mangled(design, rng):
 def test_failures_computed_together_give_the_same_losses_as_alone(option, seed):
     """Failures of several areas are computed together."""
     rng = np.random.default_rng(seed)
-    limits = Settings({"redundant": bool(rng.integers(2)), "fed": bool(rng.integers(4))})
+    limits = Settings({"fed": bool(rng.integers(4))})
     site = Site((26.0, 6.0, 14.0))
     reach = Reach(mangled(plan(ship(60, seed), site, option, settings=limits), rng))
     failures = [((run,), ()) for run in range(len(reach.design.cables))]
@@ -302,10 +302,10 @@ def test_a_short_of_a_feeder_costs_all_stations_on_the_same_supply():
     iolist = IoList.parse(
         "tag,signal,x,y,z\n" + "\n".join(f"P-{n},contact,{20 * n},0,0" for n in range(1, 5))
     )
-    for redundant, costs in ((False, 4), (True, 0)):
-        design = plan(iolist, Site((0, 0, 0)), "CAN", settings=Settings({"redundant": redundant}))
+    for lines, (option, costs) in enumerate((("CAN", 4), ("CAN doubled", 0)), 1):
+        design = plan(iolist, Site((0, 0, 0)), option)
         shorts = single_failures(design).query("failure == 'short' and kind == 'feeder'")
-        assert shorts["points_lost"].tolist() == [costs] * (1 + redundant)
+        assert shorts["points_lost"].tolist() == [costs] * lines
         cuts = single_failures(design).query("failure == 'cut' and kind == 'feeder'")
         assert cuts["points_lost"].max() == costs
 
@@ -354,16 +354,17 @@ def test_an_as_i_line_without_current_costs_everything_downstream_too():
 
 def test_a_repeater_beside_the_master_fails_with_its_line():
     """The line leaves the master on one side; a repeater at its terminals serves the other."""
-    iolist = IoList.parse("tag,signal,x,y,z\nA,contact,90,0,0\nB,contact,-90,0,0")
+    iolist = IoList.parse("tag,signal,x,y,z\nA,contact,80,0,0\nB,contact,-80,0,0")
     design = plan(iolist, Site((0, 0, 0)), "AS-i")
     devices = design.devices.set_index("device")
     assert devices.query("kind == 'repeater' and at == 'cabinet'").index.tolist() == [
-        "AS-i 1 repeater (2)"
+        "AS-i 1 repeater"
     ]
-    assert lost(design, devices=["AS-i 1 repeater (2)"]) == ("B",)
+    assert "feeder" not in set(design.cables["kind"])  # its supply is in the cabinet too
+    assert lost(design, devices=["AS-i 1 repeater"]) == ("A",)
     assert lost(design, devices=["AS-i 1 supply"]) == ("A", "B")
     shorts = single_failures(design).query("failure == 'short' and kind == 'trunk'")
-    assert shorts["tags"].tolist() == [("A", "B"), ("A",), ("B",), ("B",)]
+    assert shorts["tags"].tolist() == [("A", "B"), ("A",)]
 
 
 def test_two_lines_are_lost_only_if_both_are_cut():

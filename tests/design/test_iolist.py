@@ -308,9 +308,9 @@ def test_titles_have_their_expected_meanings():
         assert column_of(name).name == column_of(name.replace("_", " ").title()).name == name
     for word, name in zip(titles["word"], titles["means"], strict=True):
         assert column_of(word).name == name, word
-    assert column_of("update [ms]").scale == 1 and column_of("update_s").scale == 1e3
-    assert column_of("home run (cm)").scale == 0.01
-    for title in ("", "m", "x [ft]", "tag [m]", "x y", "x / y", "cable (spare)"):
+    assert column_of("update [ms]").unit == "ms" and column_of("update_s").unit == "s"
+    assert column_of("home run (cm)").unit == "cm" and column_of("x [ft]").unit == "ft"
+    for title in ("", "m", "tag [m]", "x y", "x / y", "cable (spare)"):
         assert column_of(title) is None
 
 

@@ -40,12 +40,21 @@ TIGHT = Settings(
         "modbus.length": 150.0,
     }
 )
-TREELESS = Settings({"asi.tree": False, "asi.shared": False, "redundant": True, "fed": False})
+TREELESS = Settings({"asi.tree": False, "asi.shared": False, "fed": False})
 
 
 @pytest.fixture(scope="module")
 def example():
     return read_iolist(datasets.path("synthetic_iolist_ship.csv"))
+
+
+def test_a_mix_of_single_and_doubled_lines_has_segments_of_different_names():
+    for bus in ("CAN", "Modbus RTU"):
+        design = plan(ship(60), SITE, bus, mix={"DI": f"{bus} doubled"})
+        check_everything(design, Settings())
+        assert design.segments["segment"].is_unique and len(design.segments) > 1
+        trunks = design.cables[design.cables["kind"] == "trunk"]
+        assert set(trunks["line"]) == {"", "A", "B"}
 
 
 @settings(max_examples=12)
@@ -315,7 +324,7 @@ def test_the_limits_are_those_of_the_rules():
     [
         (lambda: Settings({"spare": -0.1}), "spare is -0.1; it must be 0..10"),
         (lambda: Settings({"spare": np.nan}), "spare is nan"),
-        (lambda: Settings({"redundant": 1}), "redundant is 1; it must be true or false"),
+        (lambda: Settings({"fed": 1}), "fed is 1; it must be true or false"),
         (lambda: Settings({"asi.inputs": 5}), r"inputs is 5; it must be a whole number 1\.\.4"),
         (
             lambda: Settings({"asi.cable": "string"}),
@@ -421,10 +430,10 @@ def test_points_that_cannot_meet_a_limit_keep_the_need_of_the_list():
 @pytest.mark.parametrize("option", BUSES)
 def test_an_intrinsically_safe_point_is_on_a_bus_only_with_a_barrier_in_its_box(option):
     iolist = IoList.parse("tag,signal,x,y,z\nA,4-20mA Ex ia,20,0,0\nB,4-20mA,21,0,0")
-    for barriers, bus in ((False, "hardwired"), (True, option)):
+    for barriers, bus in ((False, "hardwired"), (True, option.removesuffix(" doubled"))):
         limits = Settings({"field_barriers": barriers})
         design = plan(iolist, SITE, option, settings=limits)
-        assert design.points["bus"].tolist() == [bus, option]
+        assert design.points["bus"].tolist() == [bus, option.removesuffix(" doubled")]
         assert bill_table(design).set_index("item").loc["barrier", "number"] == 1
     mixed = plan(iolist, SITE, "home runs", mix={"A": option})
     assert mixed.points["bus"].tolist() == ["hardwired", "hardwired"]

@@ -173,7 +173,7 @@ def test_a_common_return_is_drawn_too(ax):
 def test_an_iolist_without_devices_is_refused(ax):
     for option in ("home runs", "AS-i"):
         bare = changed(VALVES.points.assign(device=["", *VALVES.points["device"][1:]]))
-        with pytest.raises(ArgumentError, match="the list names no device for BV-01-ZSO"):
+        with pytest.raises(ArgumentError, match="points, the first is BV-01-ZSO; add a column"):
             bare.plot(option, ax)
     with pytest.raises(ArgumentError, match="option is 'CAN'; it must be one of 'home runs'"):
         VALVES.plot("CAN", ax)

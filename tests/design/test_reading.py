@@ -2,8 +2,11 @@
 
 import csv
 from collections import Counter
+from time import process_time
 
 import numpy as np
+import openpyxl
+import openpyxl.styles
 import pandas as pd
 import pytest
 from hypothesis import given
@@ -13,8 +16,8 @@ from shipnet.__main__ import main
 from shipnet.design import IoList, Settings, read_iolist
 from shipnet.design.costs import bill_table
 from shipnet.design.layout import site_of
-from shipnet.design.words import UNITS, decimal_mark, read_number
 from shipnet.errors import InputError
+from shipnet.lists import decimal_mark, read_number
 from tests.design import messy
 
 SETTINGS = Settings.parse(messy.SETTINGS)
@@ -210,7 +213,8 @@ def test_a_mark_of_intrinsic_safety_is_kept_beside_the_signal():
         ("\uff12\uff14\uff0e\uff18", "", 24.8), ("1,234.5", "", 1234.5),
         ("1.234,5", "", 1234.5), ("1 234,5", ",", 1234.5), ("1,234", ".", 1234),
         ("1,234", ",", 1.234),
-        ("1,234", "", None), ("1.234", "", 1.234), ("1.234", ",", 1234), ("1,234,567", "", 1234567),
+        ("1,234", "", None), ("1.234", "", None), ("0.234", "", 0.234), ("1.234", ",", 1234),
+        ("1,234,567", "", 1234567),
         ("-.5", "", -0.5), ("\u22123", "", -3), ("+3.", "", 3), ("1e2", "", 100),
         ("1'234.5", "", 1234.5),
         ("12,5 ft", "", None), ("1,5,0", "", None), ("1.5.0", "", None), ("1,23,456", "", None),
@@ -219,7 +223,7 @@ def test_a_mark_of_intrinsic_safety_is_kept_beside_the_signal():
     ],
 )  # fmt: skip
 def test_a_number_is_read_correctly_or_not_at_all(cell, mark, value):
-    assert read_number(cell, mark, 1.0, UNITS["length"]) == pytest.approx(value)
+    assert read_number(cell, mark, "m", "m") == pytest.approx(value)
 
 
 @pytest.mark.parametrize(
@@ -233,7 +237,7 @@ def test_the_decimal_mark_of_a_list_follows_from_its_clear_numbers(cells, mark):
 
 @given(st.text("0123456789.,' +-em\uff10\uff0e", max_size=9), st.sampled_from(["", ".", ","]))
 def test_any_cell_is_a_finite_number_or_none(cell, mark):
-    value = read_number(cell, mark, 1.0, UNITS["length"])
+    value = read_number(cell, mark, "m", "m")
     assert value is None or not np.isnan(value)
 
 
@@ -272,7 +276,9 @@ def test_frames_and_decks_may_come_from_sheets_of_the_workbook(tmp_path):
     frames = [["Frame table"], ["Frame", "x [mm]"], [0, 0], [30, 18000], [180, 138000]]
     decks = ("Decks", [["Deck", "z [m]"], ["DK3", 8.0]])
     messy.as_workbook(rows, path, places=[("Frames", frames), decks])
-    assert read_iolist(path).places.tolist() == [[pytest.approx(21.4), 4.2, 8.0]]
+    iolist = read_iolist(path)
+    assert iolist.places.tolist() == [[pytest.approx(21.4), 4.2, 8.0]]
+    assert "read: sheets IO list rev C, Frames, Decks; not read: Cover" in iolist.remarks
     messy.as_workbook(rows, path, places=[("Frames", [*frames, [200, "x"]]), decks])
     with pytest.raises(InputError, match=r"sheet Frames: row 6: '200' at 'x'; expected a frame"):
         read_iolist(path)
@@ -545,3 +551,367 @@ def test_a_point_that_is_not_intrinsically_safe_stays_on_the_bus():
     assert yes.points["bus"].tolist() == ["hardwired", "CAN"]
     costs = [bill_table(one)["cost_eur"].sum() for one in (free, no, yes)]
     assert costs[0] == costs[1] < costs[2]
+
+
+# Units in titles ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("title", "name", "cell", "value"),
+    [
+        ("Zyklus (s)", "update_ms", "2", 2000), ("Zyklus [ms]", "update_ms", "2", 2),
+        ("Takt", "update_s", "2", 2000), ("Takt s", "update_ms", "2", 2000),
+        ("X FROM AP (mm)", "x_m", "900", 0.9), ("X_mm", "x_m", "900", 0.9),
+        ("X ab HL, cm", "x_m", "900", 9), ("L (mm)", "home_run_m", "900", 0.9),
+    ],
+)  # fmt: skip
+def test_the_unit_in_a_title_that_the_settings_map_counts(title, name, cell, value):
+    own = Settings.parse(f'[columns]\n"{title}" = "{name}"\n').reading
+    rest = "".join(f",{axis}" for axis in "yz" if name == "x_m")
+    text = f'tag,type,"{title}"{rest}\nA1,DI,{cell}{",0" * (len(rest) // 2)}\n'
+    column = name if name != "update_s" else "update_ms"
+    assert IoList.parse(text, reading=own).points[column].item() == value
+
+
+@pytest.mark.parametrize(
+    ("title", "unit"),
+    [("Zyklus (m)", "m"), ("Zyklus (h)", "h"), ("Zyklus [s] (ms)", "s ms"), ("Zyklus [Hz]", "hz"),
+     ("Zyklus [x/y]", "x/y")],
+)  # fmt: skip
+def test_a_unit_that_contradicts_or_is_unknown_is_refused(title, unit):
+    own = Settings.parse(f'[columns]\n"{title}" = "update_ms"\n').reading
+    with pytest.raises(InputError) as error:
+        IoList.parse(f"tag,type,{title}\nA1,DI,2\n", reading=own)
+    assert f"title {title!r} has the unit {unit!r}; expected s, ms" in error.value.faults[0]
+    with pytest.raises(InputError, match="has the unit 'ft'; expected m, mm, cm"):
+        IoList.parse("tag,type,Cable length [ft]\nA1,DI,2\n")
+
+
+def test_a_conversion_is_listed():
+    said = notes(IoList.parse("tag,type,home run [mm],scan (s)\nA1,DI,5,5\n"))
+    assert "converted: home run [mm] from mm to m; scan (s) from s to ms" in said
+
+
+def test_titles_in_two_rows_are_united_although_the_lower_one_has_more(tmp_path):
+    upper = "Tag,System,JB,,,Position,,,Comment"
+    lower = ",,,I/O type,Signal,X [m],Y,Z,"
+    text = f"HULL 9\n{upper}\n{lower}\nA1,Bilge,JB1,DI,contact,1,2,3,fine\n"
+    iolist = IoList.parse(text)
+    assert iolist.points.loc[0, ["tag", "system", "box", "x_m", "note"]].tolist() == [
+        "A1", "Bilge", "JB1", 1.0, "fine",
+    ]  # fmt: skip
+    assert iolist.reading().set_index("what").loc["titles in two rows", "rows"] == "2 to 3" or (
+        iolist.reading().set_index("what").loc["titles in two rows", "rows"] == "2 and 3"
+    )
+    # A row above that adds no title is left out.
+    assert IoList.parse(f"Doc,77,Rev. C\n{HEAD}A1,DI,contact,1,2,3\n").places.tolist() == [
+        [1, 2, 3]
+    ]
+
+
+# Frames and decks on one sheet ----------------------------------------------------------------
+
+PLACED = [["tag", "type", "frame", "deck", "side"], ["A1", "DI", "FR 34+200", "DK3", "P 4.2"]]
+FRAME_ROWS = [["Frame", "x [mm]"], [0, 0], [30, 18000], [180, 138000]]
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [["Geometry"], *FRAME_ROWS, ["Spacing varies"], [], ["Deck", "z [m]"], ["DK3", 8.0]],
+        [["Frame", "x [mm]", "", "Deck", "z [m]"], [0, 0, "", "DK3", 8], [30, 18000],
+         [180, 138000]],
+        [["Deck", "z [m]"], ["DK3", 8], ["Frame", "x [mm]", "Frame", "x [mm]"],
+         [0, 0, 180, 138000], [30, 18000]],
+    ],
+    ids=["stacked", "side by side", "twice"],
+)  # fmt: skip
+def test_tables_of_frames_and_decks_are_found_on_one_sheet(rows, tmp_path):
+    path = tmp_path / "list.xlsx"
+    messy.as_workbook(PLACED, path, places=[("Geometry", rows)])
+    iolist = read_iolist(path)
+    assert iolist.places.tolist() == [[pytest.approx(21.4), 4.2, 8.0]]
+    text = [remark for remark in iolist.remarks if remark.startswith("not read on sheet Geometry")]
+    assert bool(text) == (["Spacing varies"] in rows)
+
+
+def test_faulty_tables_of_frames_do_not_matter_if_the_list_has_x_y_z(tmp_path):
+    path = tmp_path / "list.xlsx"
+    rows = [["tag", "type", "x", "y", "z", "frame"], ["A1", "DI", 1, 2, 3, "FR 9"]]
+    messy.as_workbook(rows, path, places=[("Geometry", [*FRAME_ROWS, [200, "x"]])])
+    assert read_iolist(path).places.tolist() == [[1, 2, 3]]
+    contradicting = [*FRAME_ROWS, [30, 19000]]
+    messy.as_workbook(PLACED, path, places=[("Geometry", contradicting)])
+    with pytest.raises(InputError, match=r"row 5: '30' at '19000'; expected a frame and a number"):
+        read_iolist(path)
+
+
+# What is filled in ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "mark", ['"', "〃", '-"-', "do.", "Ditto", "idem", "상동", "''", "wie oben"]
+)
+def test_ditto_marks_are_filled_and_counted(mark):
+    table = pd.DataFrame({
+        "tag": ["A1", "A2", "A3"], "type": "DI", "system": ["Bilge", mark, mark],
+        "box": ["JB1", mark, "JB2"], "home run": [5, mark, 7],
+    })  # fmt: skip
+    iolist = IoList.from_table(table)
+    assert iolist.points["system"].tolist() == ["Bilge"] * 3
+    assert iolist.points["box"].tolist() == ["JB1", "JB1", "JB2"]
+    assert iolist.points["home_run_m"].tolist() == [5, 5, 7]
+    assert "system: ditto marks filled from the row above: 2 rows (1 to 2)" in iolist.remarks
+    # A repeated text 1.000 has the same decimal mark as the first.
+    iolist = IoList.from_table(table.assign(scan=["1.000", mark, "2,5"]))
+    assert iolist.points["update_ms"].tolist() == [1000, 1000, 2.5]
+    # A ditto mark without a cell above it, or as a tag, is a fault.
+    with pytest.raises(InputError, match="a ditto mark here has none above"):
+        IoList.from_table(table.iloc[1:])
+    with pytest.raises(InputError, match="tag"):
+        IoList.from_table(pd.DataFrame({"tag": ["A1", mark, mark], "type": "DI"}))
+
+
+@pytest.mark.parametrize("gone", ["deleted", "not fitted"])
+def test_a_ditto_mark_below_a_row_that_is_left_out_repeats_that_row(gone):
+    text = f"tag,type,box,home run,note\nA1,DI,JB1,5,\nA2,DI,JB2,9,{gone}\nA3,DI,do.,do.,\n"
+    points = IoList.parse(text).points
+    assert points["box"].tolist() == ["JB1", "JB2"]
+    assert points["home_run_m"].tolist() == [5, 9]
+    # So does a cell that is filled down.
+    text = f"tag,type,system,note\nA1,DI,a,\nA2,DI,,\nA3,DI,b,{gone}\nA4,DI,,\n"
+    assert IoList.parse(text).points["system"].tolist() == ["a", "a", "b"]
+
+
+def test_do_in_a_column_of_types_is_a_digital_output():
+    assert IoList.parse("tag,type\nA1,DI\nA2,do.\nA3,DO\n").points["type"].tolist() == [
+        "DI", "DO", "DO",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("boxes", "filled"),
+    [(["a", "", "b", ""], ["a", "a", "b", "b"]), (["a", "a", "", "b"], None), (["", "a"], None)],
+)
+def test_a_box_given_once_per_group_is_filled_down(boxes, filled, tmp_path):
+    rows = "".join(f"A{n},DI,{box}\n" for n, box in enumerate(boxes))
+    iolist = IoList.parse("tag,type,box\n" + rows)
+    assert iolist.points["box"].tolist() == (filled or boxes)
+    said = [what for what in notes(iolist) if what.startswith("box filled down")]
+    assert bool(said) == (filled is not None)
+    # A saved list is read as it is.
+    table = iolist.points.assign(box=boxes)
+    IoList.from_table(table[[*messy_columns(table)]]).save(tmp_path / "saved.csv")
+    again = read_iolist(tmp_path / "saved.csv")
+    assert again.points["box"].tolist() == boxes
+
+
+def messy_columns(table):
+    return [name for name in table.columns if name not in ("device", "ex")]
+
+
+def test_cells_filled_from_merged_cells_are_listed(tmp_path):
+    path = tmp_path / "list.xlsx"
+    messy.as_workbook([["tag", "type", "box"], ["A1", "DI", "JB1"], ["A2", "DI"]], path)
+    book = openpyxl.load_workbook(path)
+    book["IO list rev C"].merge_cells("C2:C3")
+    book.save(path)
+    iolist = read_iolist(path)
+    assert iolist.points["box"].tolist() == ["JB1", "JB1"]
+    assert notes(iolist)["filled from merged cells"] == 1
+
+
+# Decimal marks that nothing shows -------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("cells", "values"),
+    [
+        ([500, "1.000"], None), ([500.5, "1.000"], None), ([500, "1.000", "2,5"], [500, 1000, 2.5]),
+        ([500, "1,000", "2.5"], [500, 1000, 2.5]), ([500, 1.125], [500, 1.125]),
+        (["500", "1.000"], None), ([500, "0.250"], [500, 0.25]),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("form", ["workbook", "table"])
+def test_text_beside_the_numbers_of_a_workbook_is_read_only_if_it_is_clear(
+    cells, values, form, tmp_path
+):
+    table = pd.DataFrame({
+        "tag": [f"A{n}" for n in range(len(cells))], "type": "DI",
+        "scan [ms]": pd.Series(cells, dtype=object),
+    })  # fmt: skip
+    path = tmp_path / "list.xlsx"
+    table.to_excel(path, index=False)
+
+    def read():
+        return read_iolist(path) if form == "workbook" else IoList.from_table(table)
+
+    if values is None:
+        with pytest.raises(InputError, match=r"'1\.000'; expected .* ms; it may be 1 or 1000"):
+            read()
+    else:
+        assert read().points["update_ms"].tolist() == values
+
+
+def test_a_point_in_a_file_with_commas_marks_decimals():
+    assert IoList.parse("tag,type,scan\nA,DI,1.125\n").points["update_ms"].item() == 1.125
+    assert "it may be 1.125 or 1125" in only("tag;type;scan\nA;DI;1.125\n")
+
+
+# Void rows ------------------------------------------------------------------------------------
+
+
+def test_a_row_whose_tag_is_struck_out_is_left_out(tmp_path):
+    rows = [["Item", "Tag", "Type", "Note"], [1, "A1", "DI"], [2, "A2", "DI"], [3, "A3", "DI"]]
+    path = tmp_path / "list.xlsx"
+    messy.as_workbook(rows, path)
+    book = openpyxl.load_workbook(path)
+    sheet = book["IO list rev C"]
+    sheet["B3"].font = openpyxl.styles.Font(strike=True)
+    sheet["C4"].font = openpyxl.styles.Font(strike=True)
+    book.save(path)
+    iolist = read_iolist(path)
+    assert iolist.points["tag"].tolist() == ["A1", "A3"]
+    assert notes(iolist)["left out, struck out"] == 1
+    assert notes(iolist)["read, although a cell is struck out"] == 1
+
+
+@pytest.mark.parametrize(
+    ("note", "said"),
+    [
+        ("deleted, not fitted", "left out, deleted or not fitted, as a note says"),
+        ("Deleted per TQ-12", "left out, deleted or not fitted, as a note says"),
+        ("utgår", "left out, marked as deleted or spare"),
+        ("ikke montert", "left out, deleted or not fitted, as a note says"),
+        ("cancelled", "left out, marked as deleted or spare"),
+        ("replaces PS-3, which is deleted", "read, although a note says"),
+        ("void space, bilge", None), ("spare contact used", None), ("removable", None),
+    ],
+)  # fmt: skip
+def test_a_note_that_a_point_is_gone_is_heeded_or_reported(note, said):
+    iolist = IoList.parse(f'tag,type,remark\nA1,DI,\nA2,DI,"{note}"\n')
+    left_out = said is not None and said.startswith("left out")
+    assert iolist.points["tag"].tolist() == ["A1"] + ["A2"] * (not left_out)
+    table = iolist.reading()
+    found = table[table["doubt"]]["what"].tolist()
+    assert [what.startswith(said) for what in found] == ([True] if said else [])
+
+
+@pytest.mark.parametrize("tag", ["-", "--", "\u2014", "..."])
+def test_a_row_with_a_dash_as_tag_is_left_out(tag):
+    iolist = IoList.parse(f"tag,type,home run\nA1,DI,5\n{tag},DI,6\n")
+    assert len(iolist) == 1
+    assert notes(iolist)["left out, with a dash as tag"] == 1
+
+
+def test_a_length_that_only_a_few_points_lack_is_named():
+    text = "tag,type,cable length\nA1,DI,5\nA2,DI,6\nA3,DI,\n"
+    said = "read without home_run_m, which most others have"
+    assert notes(IoList.parse(text))[said] == 1
+    assert said not in notes(IoList.parse("tag,type,cable length\nA1,DI,5\nA2,DI,\n"))
+
+
+# Words for kinds and sides --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "word", "signal"),
+    [
+        ("DO", "SOL. V/V 24VDC", "solenoid"), ("", "SOLENOID 24VDC", "solenoid"),
+        ("", "DI (DRY)", "contact"), ("", "NAMUR NJ2", "namur"), ("", "prox. NAMUR", "namur"),
+        ("AI", "K형 열전대", "thermocouple"), ("SER", "", "serial"),
+        ("SERIAL", "Modbus RTU", "serial"), ("AI", "0-10 VDC", "voltage_input"),
+        ("", "Relay 230 VAC", "solenoid"), ("", "0-24VDC", None), ("", "24VDC", None),
+        ("SER", "RTD 3W", None),
+    ],
+)  # fmt: skip
+def test_kinds_in_the_words_of_yards_are_read_or_refused(kind, word, signal):
+    text = f"tag,type,signal\nA1,{kind},{word}\n"
+    if signal is None:
+        assert only(text)
+    else:
+        assert IoList.parse(text).points["signal"].item() == signal
+
+
+def test_the_settings_may_define_a_type_that_is_a_signal():
+    own = Settings.parse('[signals]\nBUS = "serial"\n').reading
+    points = IoList.parse("tag,type\nA1,BUS\nA2,DI\n", reading=own).points
+    assert points["signal"].tolist() == ["serial", "contact"]
+    assert points["type"].tolist() == ["AI", "DI"]
+
+
+@pytest.mark.parametrize(
+    ("title", "cell", "y"),
+    [
+        ("P/S", "3.1(S)", -3.1), ("P/S", "(P) 3.1", 3.1), ("P/S", "3,1 S", -3.1), ("P/S", "CL", 0),
+        ("P/S", "StB 3.1", -3.1), ("Dist. from CL [m]", "4.2", 4.2),
+        ("Dist. from CL [m]", "-3.1", -3.1), ("Dist. from CL (mm)", "4200", 4.2),
+        ("Dist. from CL [m]", "4.2 P", 4.2), ("off CL [cm]", "S 310", -3.1),
+        ("P/S", "P -3.1", None), ("P/S", "P", None), ("P/S", "CL 3", None), ("P/S", "P 3 S", None),
+        ("P/S", "ER", None), ("P/S", "4.2 ft", None),
+    ],
+)  # fmt: skip
+def test_a_side_is_read_or_refused_but_never_taken_for_0(title, cell, y):
+    text = f'tag;type;frame;deck;{title}\nA1;DI;FR 30;DK3;"{cell}"\n'
+    if y is None:
+        assert ", column " in only(text, reading=FRAMES.reading)
+        return
+    iolist = IoList.parse(text, reading=FRAMES.reading)
+    assert iolist.places.tolist() == [[18, pytest.approx(y), 8]]
+    unmarked = cell.strip("-").replace(".", "").isdigit()
+    assert unmarked == any("as metres to port" in remark for remark in iolist.remarks)
+
+
+def test_a_distance_may_stand_beside_its_side():
+    text = "tag;type;frame;deck;Side;Dist. CL [m]\nA1;DI;FR 30;DK3;P;4\nA2;DI;FR 30;DK3;S;3\n"
+    iolist = IoList.parse(text, reading=FRAMES.reading)
+    assert iolist.places[:, 1].tolist() == [4, -3]
+    assert not any("port" in remark for remark in iolist.remarks)
+
+
+def test_a_place_without_a_side_says_that_y_is_0():
+    for text in (
+        "tag;type;frame;deck\nA1;DI;FR 30;DK3\n",
+        "tag;type;frame;deck;side\nA1;DI;0;DK3;\n",
+    ):
+        iolist = IoList.parse(text, reading=FRAMES.reading)
+        assert any(remark.startswith("y is 0: no side") for remark in iolist.remarks)
+    # An unknown column that may be a position is named.
+    odd = IoList.parse("tag;type;frame;deck;Athwart pos.\nA1;DI;0;DK3;4\n", reading=FRAMES.reading)
+    assert "not used, but may be a position: Athwart pos." in odd.remarks
+
+
+def test_axes_may_come_from_frames_or_from_columns():
+    text = "tag,type,frame,y,z\nA1,DI,FR 30,4,9\n"
+    assert IoList.parse(text, reading=FRAMES.reading).places.tolist() == [[18, 4, 9]]
+    with pytest.raises(InputError, match=r"column frame \(C\): is empty; expected a frame"):
+        IoList.parse(text.replace("FR 30", ""), reading=FRAMES.reading)
+    with pytest.raises(InputError, match=r"column z \(E\): is empty"):
+        IoList.parse(text.replace("9", ""), reading=FRAMES.reading)
+
+
+# Hostile cells --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "cell",
+    ["9" * 100_000, "1" + "." * 50_000, "1," * 50_000, " " * 50_000 + "x", "(" * 50_000,
+     "P" * 50_000, "[m]" * 20_000, "1 " * 50_000, "fr" * 50_000, "deleted " * 20_000, "nan", "inf",
+     "1e999", "=1+1"],
+)  # fmt: skip
+@pytest.mark.parametrize("title", ["x", "frame", "side", "update", "remark", "signal", "system"])
+def test_huge_and_odd_cells_are_read_at_once_or_refused(cell, title):
+    table = pd.DataFrame({"tag": ["A1", "A2"], "type": "DI", title: ["", cell]})
+    start = process_time()
+    for made in (table, table.rename(columns={title: cell})):
+        try:
+            IoList.from_table(made)
+        except InputError as error:
+            assert error.faults
+    assert process_time() - start < 2
+
+
+@pytest.mark.parametrize("titles", ["tag,Tag No.,type", "tag,type,x,y,z,X [mm]"])
+def test_duplicated_titles_are_refused(titles):
+    with pytest.raises(InputError, match="mean "):
+        IoList.parse(f"{titles}\n{'1,' * titles.count(',')}1\n")

@@ -211,7 +211,7 @@ def test_the_command_prints_a_table_and_writes_a_report(tmp_path, capsys):
     points, report = tmp_path / "points.csv", tmp_path / "report.html"
     points.write_text(LIST, encoding="utf-8")
     command = ["design", str(points), "-o", str(report), "--options", "home runs, CAN", "--mix",
-               "DI=modbus rtu", "--redundant", "--cabinet", "0,0,0", "--date", "today"]  # fmt: skip
+               "DI=modbus rtu doubled", "--cabinet", "0,0,0", "--date", "today"]  # fmt: skip
     assert main(command) == 0
     out = capsys.readouterr().out
     assert out.startswith("8 points (8 DI) of points.csv\n")

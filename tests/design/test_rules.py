@@ -186,7 +186,7 @@ def planned(option, signals=("contact",) * 3, **settings):
 
 
 def test_the_switch_over_of_a_loop_takes_as_long_as_in_the_simulation():
-    design = planned("Modbus RTU", redundant=True)
+    design = planned("Modbus RTU doubled")
     row = judged(design, "switch-over", 5.0, confirmed="yes")
     line = SerialLine(9600)
     poll = Poll(Request.read_input_registers(0, 1), line, processing=0.005,
@@ -201,20 +201,20 @@ def test_the_switch_over_of_a_loop_takes_as_long_as_in_the_simulation():
 def test_a_link_with_one_line_never_switches_over_and_can_has_nothing_to_switch():
     row = judged(planned("Modbus RTU"), "switch-over", 60.0, confirmed="yes")
     assert (row["value"], row["verdict"], row["object"]) == (np.inf, "violated", "Modbus 1")
-    row = judged(planned("CAN", redundant=True), "switch-over", 0.0, confirmed="yes")
+    row = judged(planned("CAN doubled"), "switch-over", 0.0, confirmed="yes")
     assert (row["value"], row["verdict"]) == (0.0, "met")
     assert (
         judged(planned("home runs"), "switch-over", 0.0)["why"] == "no data link has such a point"
     )
     row = judged(TWO_LINES, "switch-over", 60.0, confirmed="yes")
     assert row["verdict"] == "not verified" and "the plan does not show" in row["why"]
-    outputs = judged(planned("CAN", redundant=True), "switch-over", 0.0, applies="outputs")
+    outputs = judged(planned("CAN doubled"), "switch-over", 0.0, applies="outputs")
     assert outputs["verdict"] == "not verified"
 
 
 def test_a_supply_changes_over_only_if_another_feeds_in_parallel():
-    for redundant, computed, verdict in ((True, 0.0, "met"), (False, np.inf, "violated")):
-        design = planned("CAN", redundant=redundant)
+    for option, computed, verdict in (("CAN doubled", 0.0, "met"), ("CAN", np.inf, "violated")):
+        design = planned(option)
         row = judged(design, "supply change-over", 2.0, confirmed="yes")
         assert (row["value"], row["verdict"]) == (computed, verdict)
     asi = planned("AS-i", ("contact", "solenoid"))

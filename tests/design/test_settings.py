@@ -45,7 +45,7 @@ def test_every_value_has_a_meaning_and_a_legal_range(name):
 
 #: Another legal value for each setting.
 OTHERS = {
-    "detour": 1.3, "tails": 0, "host_time": 0.25, "spare": 0.5, "redundant": True, "update": 2,
+    "detour": 1.3, "tails": 0, "host_time": 0.25, "spare": 0.5, "update": 2,
     "fed": False, "feeder": "MI1P075", "can.bit_rates": [125_000], "modbus.bit_rates": [9600],
     "modbus.character": "8N2", "asi.cable": "ASI_FLAT", "can.cable": "N2K_MID",
     "modbus.cable": "RS485_9843", "assumptions.labour_rate": [55, 60.5, 70],
@@ -279,8 +279,8 @@ def test_the_command_takes_a_file_and_prints_one(tmp_path, capsys):
         for text in (out, usual)
     )
     assert longer > 1.2 * shorter
-    assert main(["design", "--settings", str(own), "--show-settings", "--redundant"]) == 0
-    expected = Settings({"detour": 1.5}).replace({"redundant": True, "assumptions.labour_rate": 70})
+    assert main(["design", "--settings", str(own), "--show-settings", "--set", "fed=false"]) == 0
+    expected = Settings({"detour": 1.5}).replace({"fed": False, "assumptions.labour_rate": 70})
     assert Settings.parse(capsys.readouterr().out) == expected
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from shipnet.design.catalogue import Range, cables, read_assumptions
 from shipnet.design.costs import bill_table
 from shipnet.design.layout import Site
-from shipnet.design.planning import plan
+from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.rules import Rule, RuleSet
 from shipnet.design.settings import Settings
 from shipnet.design.supply import LOADS, feeders_of, supply_tables
@@ -59,9 +59,9 @@ def solved(design):
 
 
 @hypothesis_settings(max_examples=20)
-@given(lists(), st.sampled_from(["AS-i", "CAN", "Modbus RTU"]), st.booleans())
-def test_the_voltages_agree_with_the_cable_solver(iolist, option, redundant):
-    design = plan(iolist, SITE, option, settings=Settings({"redundant": redundant}))
+@given(lists(), st.sampled_from(OPTIONS[2:]))
+def test_the_voltages_agree_with_the_cable_solver(iolist, option):
+    design = plan(iolist, SITE, option)
     expected = solved(design)
     table = supply_tables(design)[1]
     lines = table[table["segment"].str.startswith("AS-i") & ~table["supply"].str.contains("aux")]
@@ -138,10 +138,9 @@ def test_a_long_chain_of_stations_has_supplies_along_it():
     assert segment and len(supply_tables(local)[0]) == 0
 
 
-@pytest.mark.parametrize("option", ["CAN", "Modbus RTU", "AS-i"])
-@pytest.mark.parametrize("redundant", [False, True])
-def test_feeders_are_as_thin_as_the_limits_allow(option, redundant):
-    design = plan(ship(150), SITE, option, settings=Settings({"redundant": redundant}))
+@pytest.mark.parametrize("option", OPTIONS[2:])
+def test_feeders_are_as_thin_as_the_limits_allow(option):
+    design = plan(ship(150), SITE, option)
     sizes = feeders_of("MI1P150")
     limits, table = design.settings.supply, supply_tables(design)[1]
     table = table.join(design.cables.set_index("run")["cable"], on="run")

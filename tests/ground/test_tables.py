@@ -72,12 +72,13 @@ def test_dates_errors_and_booleans_in_a_workbook_are_faults(tmp_path):
 def test_a_formula_is_never_evaluated(tmp_path):
     rows = [LIST[0], ["=1+1", *LIST[1][1:]], ["LS-2", "DI", "contact", "=A1", 2, 3, 1]]
     path = workbook(tmp_path / "list.xlsx", ("list", rows))
-    # openpyxl saves no values with formulas: the cells are empty.
+    # openpyxl saves no values with formulas.
     with pytest.raises(InputError) as error:
         read_iolist(path)
     assert error.value.faults == (
-        "row 2, column Tag No. (A): is empty; expected a tag",
-        "row 3, column X [m] (D): is empty; expected X [m] (D), Y [m] (E), Z [m] (F), or none",
+        "row 2, column Tag No. (A): '=', a formula without a saved value; expected printable text",
+        "row 3, column X [m] (D): '=', a formula without a saved value; expected a number "
+        "-1000..1000 m",
     )
 
 

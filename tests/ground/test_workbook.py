@@ -182,7 +182,7 @@ def test_merged_cells_have_content_only_once():
     book.save(stream)
     cells = {number: row for number, row, _ in read(stream.getvalue(), "Sheet")}
     with _opened(stream.getvalue(), "workbook") as made:
-        assert made.layout("Sheet") == ([(1, 3, 0)], frozenset())
+        assert made.layout("Sheet") == ([(1, 3, 0)], frozenset(), {})
     assert cells[1] == ["wide", "", "c"]
     assert not any(cells.get(2, [])) and not any(cells.get(3, []))
 

@@ -118,7 +118,7 @@ def test_a_plan_is_read_back_as_it_was(tmp_path_factory, first, second):
                 asi.Slave(label="1", node=second)]  # fmt: skip
     notes = {("cable", first, second): first}
     write_elements(elements, path, notes)
-    assert read_elements(path) == (elements, notes)
+    assert read_elements(path) == (elements, notes, ())
     assert not [
         cell for row in rows_of(path.read_bytes()) for cell in row if starts_a_formula(cell)
     ]

@@ -84,7 +84,7 @@ def test_the_second_question_is_answered_right():
 
 def test_both_lines_are_lost_with_the_tray_that_carries_them():
     sensors = IoList.parse("tag,type,x,y,z\nA,DI,9,2,4\nC,DI,60,2,4")
-    plant = sensors.plan("Modbus RTU", (0, 0, 4), settings={"redundant": True})
+    plant = sensors.plan("Modbus RTU doubled", (0, 0, 4))
     trunks = plant.cables.query("kind == 'trunk'").set_index("run")[["a", "b"]]
     near = [run for run in trunks.index if " trunk 1 " in run]
     assert len(near) == 2

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.design.costs import label
+from shipnet.design.costs import label, number
 from shipnet.design.iolist import IoList
 from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS
@@ -56,9 +56,11 @@ def test_a_new_price_replans_nothing_and_a_new_limit_does(monkeypatch, small):
     dear = replace(SMALL, labour=110.0, parts=2.0, picture="assumptions").result
     kept = (dear.designs, small.designs)
     assert all(a.cables is b.cables for a, b in zip(*(own.values() for own in kept), strict=True))
-    assert replace(SMALL, can=False).result.designs.keys() == set(OPTIONS) - {"CAN"}
+    assert replace(SMALL, can=False).result.designs.keys() == set(OPTIONS) - {"CAN", "CAN doubled"}
+    single = set(OPTIONS) - {"CAN doubled", "Modbus RTU doubled"}
+    assert replace(SMALL, doubled=False).result.designs.keys() == single
     with pytest.raises(AssertionError, match="planned anew"):
-        _ = replace(SMALL, redundant=True).result
+        _ = replace(SMALL, spare=0.3).result
 
 
 def test_lengths_of_the_list_can_be_ignored():
@@ -117,7 +119,8 @@ def test_a_short_update_time_leaves_points_out_and_each_reason_is_given_once():
     ticks = [t.get_text() for t in tight.plot(ax=Figure().subplots()).get_yticklabels()]
     assert f"Modbus RTU ({left['Modbus RTU']} left out)" in ticks
     only = replace(tight, **dict.fromkeys(("home_runs", "junction_boxes", "asi", "can"), False))
-    assert only.verdict == "8 points: no design connects all points" and not only.ok
+    said = "8 points: nothing to compare: no design can connect a point"
+    assert only.verdict == said and not only.ok
     for picture in PICTURES:
         replace(only, picture=picture).plot(ax=Figure().subplots())
 
@@ -126,11 +129,16 @@ def test_the_verdict_names_designs_without_violations_the_cheapest_first(small):
     table = small.table()
     good = table[(table["rules_violated"] == 0) & (table["points_left_out"] == 0)]
     assert small.meeting == good.sort_values("total_cost_eur").index.tolist()
-    assert f"violates no rule: {small.meeting[0]}, " in SMALL.verdict
+    assert SMALL.verdict.startswith(f"8 points: {small.meeting[0]}, ")
     broken = table.index[table["rules_violated"] > 0]
     assert len(broken) and all(f"{option} violates" in SMALL.numbers for option in broken)
-    bad = replace(SMALL, home_runs=False, junction_boxes=False, asi=False, modbus=False)
-    assert bad.verdict == "8 points: every design that connects all points violates a rule"
+    bad = replace(SMALL, **dict.fromkeys(("home_runs", "junction_boxes", "asi", "modbus"), False))
+    assert bad.verdict.startswith("8 points: CAN doubled, ")
+    cost = number(bad.result.quantities["CAN doubled"]["total_cost_eur"])
+    assert replace(bad, doubled=False).verdict == (
+        "8 points: every design that connects all points violates a rule; CAN doubled would cost "
+        f"{cost} EUR and violate none of the rules verified"
+    )
 
 
 def test_the_table_and_the_page_say_that_it_is_a_design_aid(small):
