@@ -25,7 +25,7 @@ def main() -> None:
     above, below = figure.subplots(2)
     iolist.plot("home runs", above)
     iolist.plot("AS-i", below)
-    figure.savefig(FOLDER / "strands.png", dpi=100, metadata={"Software": None})
+    figure.savefig(FOLDER / "conductors.png", dpi=100, metadata={"Software": None})
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from typing import Literal, get_args
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError
-from shipnet.fields import record, whole
+from shipnet.fields import check_choice, check_whole, record, whole
 
 Kind = Literal["DI", "DO", "AI", "AO"]
 
@@ -55,13 +55,13 @@ SIGNALS: Mapping[str, Signal] = {
 @cache
 def spellings(of: str) -> Mapping[str, tuple[tuple[str, str], ...]]:
     """Return the words that lists use for columns, types or signals, with their meanings."""
-    known = {"signal": SIGNALS, "type": KINDS}.get(of, ())
-    found: dict[str, dict[str, str]] = {plain(name): {name: name} for name in known}
+    names = {"signal": SIGNALS, "type": KINDS}.get(of, ())
+    words: dict[str, dict[str, str]] = {plain(name): {name: name} for name in names}
     with datasets.path("iolist_words.csv").open(newline="", encoding="utf-8") as stream:
         for row in csv.DictReader(stream):
             if row["of"] == of:
-                found.setdefault(plain(row["word"]), {}).setdefault(row["means"], row["word"])
-    return {word: tuple(means.items()) for word, means in found.items()}
+                words.setdefault(plain(row["word"]), {}).setdefault(row["means"], row["word"])
+    return {word: tuple(means.items()) for word, means in words.items()}
 
 
 def plain(text: str) -> str:
@@ -84,27 +84,29 @@ def meanings(text: str) -> tuple[str, ...]:
 
 def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str:
     """Return the signal that a word in a list means."""
-    found = meanings(text)
-    if len(found) > 1:
+    candidates = meanings(text)
+    if len(candidates) > 1:
         if kind in KINDS:
-            found = tuple(name for name in found if SIGNALS[name].kind == kind)
-        if conductors is not None and len(found) > 1:
-            found = tuple(name for name in found if SIGNALS[name].conductors == conductors)
-        if len(found) != 1:
-            either = " or ".join(found or meanings(text))
+            candidates = tuple(name for name in candidates if SIGNALS[name].kind == kind)
+        if conductors is not None and len(candidates) > 1:
+            candidates = tuple(
+                name for name in candidates if SIGNALS[name].conductors == conductors
+            )
+        if len(candidates) != 1:
+            either = " or ".join(candidates or meanings(text))
             raise ArgumentError(
                 f"signal is {text!r}; it may be {either}: name one, or give the conductors"
             )
-    if not found:
-        known = spellings("signal")
-        near = get_close_matches(plain(text), known, n=1)
+    if not candidates:
+        words = spellings("signal")
+        near = get_close_matches(plain(text), words, n=1)
         legal = (
-            f"the nearest known is {known[near[0]][0][1]!r}"
+            f"the nearest known is {words[near[0]][0][1]!r}"
             if near
             else f"known signals are {', '.join(SIGNALS)}"
         )
         raise ArgumentError(f"signal is {text!r}; {legal}")
-    return found[0]
+    return candidates[0]
 
 
 #: Number of conductors of an AS-i line, which carry both data and power.
@@ -112,11 +114,37 @@ ASI_PAIR = 2
 
 
 def hardwired_conductors(points: Mapping[str, int]) -> int:
-    """Count the conductors of hardwired points, given the number of points of each kind."""
-    return sum(
-        int(number) * SIGNALS[kind].conductors + SIGNALS[kind].common * (number > 0)
-        for kind, number in points.items()
-    )
+    """Return the number of conductors to the cabinet if each point is wired separately.
+
+    Parameters
+    ----------
+    points : mapping of str to int
+        Number of points by signal, a key of `SIGNALS`; 0..10**9 each.
+
+    Returns
+    -------
+    int
+        The conductors of all points, and one common return for each signal that has one.
+
+    Raises
+    ------
+    ArgumentError
+        If a signal is unknown or a number is out of range.
+
+    Examples
+    --------
+    Eight contacts with two conductors each, and eight with one conductor and a common return:
+
+    >>> hardwired_conductors({"contact": 8}), hardwired_conductors({"contact_common": 8})
+    (16, 9)
+    """
+    conductors = 0
+    for signal, number in points.items():
+        check_choice("signal", signal, SIGNALS)
+        count = check_whole(f"number of {signal} points", number, 0, 10**9)
+        if count > 0:
+            conductors += count * SIGNALS[signal].conductors + SIGNALS[signal].common
+    return conductors
 
 
 @record(slots=True)

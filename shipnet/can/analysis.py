@@ -74,35 +74,24 @@ def read_messages(
     checked but not stored.
 
     A message found in a log is named after its identifier, and its ``dlc`` is the largest found.
-    `MessageSet.observed` describes its frames; ``kind`` is one of:
+    `MessageSet.observed` describes its frames. ``kind`` is ``periodic`` if it was sent throughout
+    the log and three quarters of the times between frames are within half a period of the period;
+    ``burst`` if several frames at a time are sent periodically; ``unclear`` if there are fewer than
+    four frames or bursts; else ``event``. ``period_ms`` is the median time per frame, or per burst,
+    between any two, with up to a quarter of the frames lost; ``jitter_ms`` is the range of the
+    deviations from the median of 17 neighbours, so that a drifting clock causes none. ``burst`` is
+    the largest number of frames without a gap longer than the mean or, of events, in a window as
+    long as the shortest period of the set. ``shortest_ms`` is the shortest time between two frames,
+    ``longest_ms`` the longest time without a frame, ``wander_ms`` the largest deviation from the
+    period as `compare` counts it, and ``step_ms`` the step of the time stamps. No deviation shorter
+    than this step can be seen.
 
-    ``periodic``: sent throughout the log, at least three quarters of the times between frames
-    within half a period of the period. ``period_ms`` is the median time per frame between any two
-    frames, with up to a quarter of the frames lost. ``jitter_ms`` is the range of the deviations
-    from the median of 17 neighbours, so that a drifting clock causes none; it includes waits for
-    the bus. As a log cannot tell these waits from jitter, the message has no jitter in an analysis;
-    use `MessageSet.replace` to set one.
-
-    ``burst``: several frames at a time, periodically. ``burst`` is the largest number of frames
-    without a gap longer than the mean, ``shortest_ms`` the shortest time between two frames, and
-    ``period_ms`` and ``jitter_ms`` are those of the first frames.
-
-    ``event``: any other. ``burst`` is the largest number of frames in any window as long as the
-    shortest period of the set, and ``shortest_ms`` is the minimum inter-arrival time.
-
-    ``unclear``: fewer than four frames or bursts; a longer log is required. A single frame has the
-    given `period`, if any.
-
-    In an analysis, the period of a message that is not periodic is the length of the log divided by
-    its number of frames, and its jitter allows a burst with the shortest time between frames. A log
-    does not show deadlines; each is assumed to be the period plus the jitter. ``longest_ms`` is the
-    longest time without a frame, ``wander_ms`` the largest deviation from the period as `compare`
-    counts it, and ``step_ms`` the step of the time stamps. No deviation shorter than this step can
-    be seen; a step longer than the shortest frame (47 us) is named with the results.
-
-    The load of these messages therefore equals that of `Log.load`, except that all possible stuff
-    bits count (up to 23 % more bits), that all frames of a message count as long as its longest,
-    and that a mean between frames may differ by one frame per message and log from the count.
+    In an analysis, a message that is not periodic has as its period the length of the log per frame
+    (a single frame: the given `period`), and as its jitter that of a burst with the shortest time
+    between frames. The jitter of a periodic message includes waits for the bus and does not count;
+    use `MessageSet.replace` to set one. Each deadline is assumed to be period plus jitter. The load
+    equals that of `Log.load`, except that all possible stuff bits count (up to 23 % more), and that
+    all frames of a message are as long as its longest.
 
     Examples
     --------
@@ -116,8 +105,8 @@ def read_messages(
     try:
         is_log = file.suffix.lower() != ".dbc" and log_kind(file) != ""
     except (OSError, ValueError) as problem:
-        said = getattr(problem, "strerror", None) or problem
-        raise InputError(str(file), f"cannot be read: {said}") from None
+        why = getattr(problem, "strerror", None) or problem
+        raise InputError(str(file), f"cannot be read: {why}") from None
     if is_log:
         log = read_log(file)
         try:
@@ -159,13 +148,13 @@ class Analysis:
         that ratio. ``some_order`` is True if some priority order meets all deadlines.
         """
         rows = []
-        for rate, found in self.responses.items():
-            critical = found[found.critical] if len(found) else None
+        for rate, times in self.responses.items():
+            critical = times[times.critical] if len(times) else None
             share = critical.response / critical.message.deadline if critical else math.nan
-            first = found.late[0] if found.late else ""
+            first = times.late[0] if times.late else ""
             works = rate >= self.lowest_in_best_order
             load = 100 * bus_load(self.messages, rate)
-            rows.append((load, len(found.late), first, found.critical, 100 * share, works))
+            rows.append((load, len(times.late), first, times.critical, 100 * share, works))
         columns = ["load_percent", "late", "first_late", "critical", "critical_percent"]
         index = pd.Index([rate / 1e3 for rate in self.responses], name="bit_rate_kbit_per_s")
         return pd.DataFrame(rows, columns=[*columns, "some_order"], index=index)
@@ -187,12 +176,12 @@ class Analysis:
         For a log, the line ends with the number of messages of each kind, and with the step of
         the time stamps if it is coarse.
         """
-        given, best = (
+        lowest, best = (
             "none" if rate == math.inf else f"{rate / 1e3:g} kbit/s"
             for rate in (self.lowest, self.lowest_in_best_order)
         )
         notes = [
-            f"{len(self.messages)} messages, lowest bit rate: {given}, in the best order: {best}"
+            f"{len(self.messages)} messages, lowest bit rate: {lowest}, in the best order: {best}"
         ]
         if (observed := self.messages.observed) is not None:
             kinds = Counter(observed["kind"].sort_values())
@@ -254,29 +243,29 @@ def analyse(
     >>> found.table()[["late", "first_late", "critical"]].values.tolist()
     [[1, 'speed', 'speed'], [0, '', 'speed']]
     """
-    try:
-        rates = sorted({float(rate) for rate in bit_rates})  # type: ignore[union-attr]
-    except (TypeError, ValueError):
-        rates = [bit_rates] if isinstance(bit_rates, int | float) else []
+    rates = [bit_rates] if isinstance(bit_rates, int | float) else sorted({*bit_rates})
     if not rates or not all(1000 <= rate <= 1e6 and rate % 1 == 0 for rate in rates):
         raise ArgumentError(f"bit_rates is {bit_rates!r}; each must be whole, 1000..1000000 bit/s")
-    known = _messages(messages, period)
-    if assumptions is None and known.observed is not None:
+    message_set = _messages(messages, period)
+    if assumptions is None and message_set.observed is not None:
         assumptions = Assumptions(own_jitter=False)
-        queued = (replace(message, deadline=message.deadline - message.jitter) for message in known)
-        known = MessageSet(queued, observed=known.observed)
+        queued = (
+            replace(message, deadline=message.deadline - message.jitter) for message in message_set
+        )
+        message_set = MessageSet(queued, observed=message_set.observed)
     responses = {
-        rate: response_times(known, rate, assumptions=assumptions, faults=faults) for rate in rates
+        rate: response_times(message_set, rate, assumptions=assumptions, faults=faults)
+        for rate in rates
     }
-    lowest = min((rate for rate, found in responses.items() if found.met), default=math.inf)
-    best = audsley(known, min(lowest, rates[-1]), assumptions=assumptions, faults=faults)
+    lowest = min((rate for rate, times in responses.items() if times.met), default=math.inf)
+    best = audsley(message_set, min(lowest, rates[-1]), assumptions=assumptions, faults=faults)
     lowest_best = min(lowest, rates[-1]) if best.feasible else math.inf
     for rate in reversed([rate for rate in rates if rate < lowest_best < math.inf]):
-        other = audsley(known, rate, assumptions=assumptions, faults=faults)
+        other = audsley(message_set, rate, assumptions=assumptions, faults=faults)
         if not other.feasible:
             break
         best, lowest_best = other, rate
-    return Analysis(known, responses, lowest, best, lowest_best)
+    return Analysis(message_set, responses, lowest, best, lowest_best)
 
 
 def _messages(source: MessageSet | Log | str | PathLike[str], period: float | None) -> MessageSet:
@@ -320,9 +309,9 @@ class LogComparison:
     @property
     def verdict(self) -> str:
         """The number of planned messages, and the number with each kind of deviation."""
-        said = self._table["verdict"]
-        counts = Counter(word for words in said for word in words.split(", "))
-        planned = len(said) - counts["unknown"]
+        verdicts = self._table["verdict"]
+        counts = Counter(word for words in verdicts for word in words.split(", "))
+        planned = len(verdicts) - counts["unknown"]
         odd = [f"{counts[word]} {word}" for word in _WORDS if counts[word]]
         return "; ".join(
             [f"{planned} messages, {', '.join(odd) or 'all as planned'}", *coarse(self._step)]
@@ -396,21 +385,21 @@ def compare(
     {'frames': 100, 'verdict': 'unknown'}
     """
     plan = _messages(messages, period)
-    found = log if isinstance(log, Log) else read_log(log)
-    order = np.lexsort((found.time, found.keys))
-    keys, codes = found.keys[order], found.dlc[order]
-    times = found.time[order] - (found.time.min() if len(found) else 0.0)
-    end = times.max() if len(found) else math.nan
-    known = {message.arbitration_id << 1 | message.extended: message for message in plan}
+    frames = log if isinstance(log, Log) else read_log(log)
+    order = np.lexsort((frames.time, frames.keys))
+    keys, codes = frames.keys[order], frames.dlc[order]
+    times = frames.time[order] - (frames.time.min() if len(frames) else 0.0)
+    end = times.max() if len(frames) else math.nan
+    planned = {message.arbitration_id << 1 | message.extended: message for message in plan}
     groups = {
         _pgn(key): message
-        for key, message in reversed(known.items())
+        for key, message in reversed(planned.items())
         if message.extended and (pgn or message.name in plan.any_source)
     }
     sources: dict[Message | None, list[int]] = defaultdict(list)
     for key in np.unique(keys).tolist():
-        sources[known.get(key) or (groups.get(_pgn(key)) if key & 1 else None)].append(key)
-    for key, message in known.items():
+        sources[planned.get(key) or (groups.get(_pgn(key)) if key & 1 else None)].append(key)
+    for key, message in planned.items():
         if message not in sources:
             sources[message].append(key)
     rows: list[tuple[Any, ...]] = []
@@ -424,13 +413,13 @@ def compare(
             name, wanted = message.name, message.period
             name += f" {number}" if len(sources[message]) > 1 else ""
             seen = None if plan.observed is None else plan.observed.loc[message.name]
-            odd = _differences(message, times[chosen], codes[chosen], silence, found.step, seen)
+            odd = _differences(message, times[chosen], codes[chosen], silence, frames.step, seen)
         usual = (gaps.min(), gaps.mean()) if len(gaps) else (math.nan, math.nan)
         spans = (1e3 * span for span in (wanted, *usual, silence))
         rows.append((name, number, len(times[chosen]), *spans, ", ".join(odd) or "as planned"))
     columns = ["name", "arbitration_id", "frames", "period_ms", "shortest_ms", "mean_ms"]
     table = pd.DataFrame(rows, columns=[*columns, "longest_ms", "verdict"])
-    return LogComparison(table.set_index("name").round(6), found.step)
+    return LogComparison(table.set_index("name").round(6), frames.step)
 
 
 def _pgn(key: int) -> int:

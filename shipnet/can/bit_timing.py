@@ -20,15 +20,11 @@ from shipnet.lazy import pd
 #: Limits of the AT90CAN128: prescaler, segment, jump width, quanta per bit; Atmel 4250E, p. 236.
 _PRESCALER, _SEGMENT, _JUMP, _QUANTA = 64, 8, 4, (8, 25)
 
+_DELAY = 5e-9  #: Propagation delay of the line [s/m]; ISO 11898-2.
+
 
 def bit_timings(
-    clock: float,
-    bit_rate: float,
-    *,
-    sample_point: float = 0.75,
-    tolerance: float = 0.0,
-    loop_delay: float = 150e-9,
-    delay_per_metre: float = 5e-9,
+    clock: float, bit_rate: float, *, sample_point: float = 0.75, loop_delay: float = 150e-9
 ) -> pd.DataFrame:
     r"""Return all legal settings of an AT90CAN128 for a bit rate, best sample point first.
 
@@ -40,22 +36,18 @@ def bit_timings(
         Desired bit rate, 1e3..1e6 [bit/s].
     sample_point : float, default 0.75
         Desired sample point as a fraction of the bit, 0.001..0.999.
-    tolerance : float, default 0
-        Largest accepted relative error of the bit rate, 0..0.05.
     loop_delay : float, default 150e-9
         Delay of a node from its output through the transceiver to its input, including
         optocouplers, 0..1 [s].
-    delay_per_metre : float, default 5e-9
-        Propagation delay of the line, 1e-12..1 [s/m].
 
     Returns
     -------
     pandas.DataFrame
         One row per setting: ``prescaler``, ``tq_ns``, ``quanta`` per bit, ``prs``, ``phs1``,
-        ``phs2`` and ``sjw`` in quanta, ``sample_point_percent``, ``bit_rate_bit_per_s``,
-        ``error_percent``, registers ``canbt1`` to ``canbt3``, ``oscillator_tolerance_percent``
-        (largest error of each clock) and ``longest_bus_m`` (limited by the propagation segment).
-        Sorted by sample point, closest first, then by smallest error, most quanta and widest jump.
+        ``phs2`` and ``sjw`` in quanta, ``sample_point_percent``, registers ``canbt1`` to
+        ``canbt3``, ``oscillator_tolerance_percent`` (largest error of each clock) and
+        ``longest_bus_m`` (limited by the propagation segment). Sorted by sample point, closest
+        first, then by most quanta and widest jump.
 
     Notes
     -----
@@ -69,7 +61,7 @@ def bit_timings(
 
     .. math:: \Delta f \le \frac{\min(PS_1, PS_2)}{2 (13 N - PS_2)}, \quad
               \Delta f \le \frac{SJW}{20 N}, \quad
-              L = \frac{PRS \, t_q / 2 - t_{loop}}{t_{line}}
+              L = \frac{PRS \, t_q / 2 - t_{loop}}{5\ ns/m}
 
     References
     ----------
@@ -94,31 +86,26 @@ def bit_timings(
     hertz = check_scalar("clock", clock, "Hz", 1e6, 16e6)
     rate = check_bit_rate(bit_rate)
     wanted = check_scalar("sample_point", sample_point, "", 1e-3, 1 - 1e-3)
-    most = check_scalar("tolerance", tolerance, "", 0, 0.05)
     loop = check_scalar("loop_delay", loop_delay, "s", 0, 1)
-    delay = check_scalar("delay_per_metre", delay_per_metre, "s/m", 1e-12, 1)
     segment = np.arange(1, _SEGMENT + 1)
     grid = np.meshgrid(
         np.arange(1, _PRESCALER + 1), segment, segment, segment, np.arange(1, _JUMP + 1)
     )
     brp, before, one, two, jump = (axis.ravel() for axis in grid)
     total = 1 + before + one + two
-    # The margin allows for rounding errors.
     legal = (
         (total >= _QUANTA[0])
         & (total <= _QUANTA[1])
         & (two >= 2)
         & (two <= one)
         & (jump <= two)
-        & (np.abs(hertz / (brp * total) / rate - 1) <= most + 1e-12)
+        & np.isclose(hertz / (brp * total), rate, rtol=1e-12, atol=0)
     )
     columns = np.stack([brp, total, before, one, two, jump])
     prescaler, quanta, prs, phs1, phs2, sjw = columns[:, legal]
-    real = hertz / (prescaler * quanta)
-    error = real / rate - 1
     once = prescaler == 1
     sample = (1 + prs + phs1 - once) / quanta
-    order = np.lexsort((-sjw, -quanta, np.abs(error), np.abs(sample - wanted).round(12)))
+    order = np.lexsort((-sjw, -quanta, np.abs(sample - wanted).round(12)))
     table = pd.DataFrame(
         {
             "prescaler": prescaler,
@@ -129,13 +116,11 @@ def bit_timings(
             "phs2": phs2,
             "sjw": sjw,
             "sample_point_percent": 100 * sample,
-            "bit_rate_bit_per_s": real,
-            "error_percent": 100 * error,
             "canbt1": _hex(prescaler - 1 << 1),
             "canbt2": _hex(sjw - 1 << 5 | prs - 1 << 1),
             "canbt3": _hex(phs2 - 1 << 4 | phs1 - 1 << 1 | ~once),
             "oscillator_tolerance_percent": 100 * oscillator_tolerance(quanta, phs1, phs2, sjw),
-            "longest_bus_m": np.maximum(prs * prescaler / hertz / 2 - loop, 0) / delay,
+            "longest_bus_m": np.maximum(prs * prescaler / hertz / 2 - loop, 0) / _DELAY,
         }
     )
     return table.iloc[order].reset_index(drop=True)

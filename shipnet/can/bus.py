@@ -94,10 +94,19 @@ def send_sets(
 
 @compiled
 def send_disturbed(
-    release: Integers, first: Integers, length: Integers, horizon: int, owner: Integers, bit: int,
-    passive: int, bus_off: int, instants: Integers, rate: Floats, span: Integers,
+    release: Integers,
+    first: Integers,
+    length: Integers,
+    horizon: int,
+    owner: Integers,
+    bit: int,
+    passive: int,
+    bus_off: int,
+    instants: Integers,
+    rate: Floats,
+    span: Integers,
     rng: np.random.Generator,
-) -> tuple[Integers, list[Failure], Integers, Integers]:  # fmt: skip
+) -> tuple[Integers, list[Failure], Integers, Integers]:
     """Return what `send` returns, the destroyed frames, and each node's error counters TEC and REC.
 
     Message m belongs to node ``owner[m]``; a node is error passive from the count `passive` and bus

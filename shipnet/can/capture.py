@@ -66,19 +66,19 @@ class _Rows(NamedTuple):
     stuffed: Integers
 
 
-def read_rows(line: Bytes, known: Integers) -> _Rows:
-    """Decode one frame per column of `line` from its first `known` bits; errors as in `decode`."""
+def read_rows(line: Bytes, length: Integers) -> _Rows:
+    """Decode one frame per column of `line` from its first `length` bits; errors as in `decode`."""
     width, n = line.shape
     every = np.arange(n)
     bits = np.zeros((width + 1, n), dtype=np.uint8)
     at = np.zeros((width + 1, n), dtype=np.int16)
     kept, run = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.uint8)
     last, sixth = np.full(n, 2, dtype=np.uint8), np.full(n, width)
-    for place, bit in enumerate(line):
+    for index, bit in enumerate(line):
         due, same = run == RUN, bit == last
-        sixth[due & same & (sixth == width)] = place
+        sixth[due & same & (sixth == width)] = index
         # A stuff bit is overwritten by the next bit.
-        bits[kept, every], at[kept, every] = bit, place
+        bits[kept, every], at[kept, every] = bit, index
         kept += ~due
         run = np.where(same, run + 1, 1).astype(np.uint8)
         last = bit
@@ -101,13 +101,13 @@ def read_rows(line: Bytes, known: Integers) -> _Rows:
     tail = np.take_along_axis(at, (check + CRC_BITS)[np.newaxis], axis=0)[0].astype(np.int64)
     error, first = np.zeros(n, dtype=np.uint8), np.full(n, width + 1)
 
-    def note(kind: type[FrameError], wrong: Bools, place: npt.ArrayLike) -> None:
-        earlier = wrong & (place < first)
+    def note(kind: type[FrameError], wrong: Bools, index: npt.ArrayLike) -> None:
+        earlier = wrong & (index < first)
         error[earlier] = kind.code
-        first[earlier] = np.broadcast_to(place, n)[earlier]
+        first[earlier] = np.broadcast_to(index, n)[earlier]
 
     fixed = "".join(level for _, level in TAIL)[:-1]
-    note(LengthError, known < tail + len(fixed), known)
+    note(LengthError, length < tail + len(fixed), length)
     note(StuffError, sixth < tail, sixth)
     note(FormError, extended & (bits[12] == 0), at[13])
     note(FormError, extended & (bits[33] == 1), at[33])
@@ -121,9 +121,16 @@ def read_rows(line: Bytes, known: Integers) -> _Rows:
         kind = AcknowledgeError if level == "0" else FormError
         note(kind, seen != int(level), tail + step)
     return _Rows(
-        error, np.where(error > 0, first, -1), number, extended, remote, dlc.astype(np.uint8),
-        data.T, tail, tail - check - CRC_BITS,
-    )  # fmt: skip
+        error,
+        np.where(error > 0, first, -1),
+        number,
+        extended,
+        remote,
+        dlc.astype(np.uint8),
+        data.T,
+        tail,
+        tail - check - CRC_BITS,
+    )
 
 
 class _Line:
@@ -193,8 +200,8 @@ class _Line:
         edge, frame = np.nonzero(np.arange(len(bits))[:, np.newaxis] < self.count[chosen])
         flips[ends[edge, frame], frame] ^= edge > 0
         line = np.cumsum(flips[:_BITS], axis=0, dtype=np.uint8) & np.uint8(1)
-        known = ends[self.count[chosen] - 1, np.arange(n)]
-        return read_rows(line, known + np.rint(self.quiet[chosen] / self.bit).astype(np.int64))
+        length = ends[self.count[chosen] - 1, np.arange(n)]
+        return read_rows(line, length + np.rint(self.quiet[chosen] / self.bit).astype(np.int64))
 
     def read(self) -> tuple[_Rows, Bools]:
         """Return all frames, and a mask of those that were correct only at the second attempt."""
@@ -204,7 +211,7 @@ class _Line:
         ]
         back = np.argsort(order)
         again = np.concatenate([second for _, second in parts])[back]
-        columns = zip(*(found for found, _ in parts), strict=True)
+        columns = zip(*(part for part, _ in parts), strict=True)
         rows = _Rows(*(np.concatenate(column)[back] for column in columns))
         if self.cut and rows.error[0]:
             rows.error[0] = LengthError.code
@@ -225,10 +232,10 @@ class _Line:
             todo = np.flatnonzero(rows.error[left] > 0)
             if not len(todo):
                 break
-            found = self.rows(chosen[left[todo]], ways[:, way[todo], todo])
-            right = found.error == 0
+            retried = self.rows(chosen[left[todo]], ways[:, way[todo], todo])
+            right = retried.error == 0
             for name in _Rows._fields:
-                getattr(rows, name)[left[todo[right]]] = getattr(found, name)[right]
+                getattr(rows, name)[left[todo[right]]] = getattr(retried, name)[right]
             again[left[todo[right]]] = True
         return rows, again
 
@@ -327,8 +334,14 @@ class Capture:
         ax, table = style.axes(ax), self._table
         keys = self.log.keys
         for row, key in enumerate(np.unique(keys).tolist()):
-            own = table[table["error"] == "ok"][keys == key]
-            ax.hlines(np.full(len(own), row), own["start_s"], own["end_s"], color="C0", linewidth=7)
+            frames = table[table["error"] == "ok"][keys == key]
+            ax.hlines(
+                np.full(len(frames), row),
+                frames["start_s"],
+                frames["end_s"],
+                color="C0",
+                linewidth=7,
+            )
         names = [hexadecimal(key >> 1, key & 1) for key in np.unique(keys).tolist()]
         if len(wrong := table[table["error"] != "ok"]):
             ax.plot(
@@ -421,13 +434,18 @@ def read_capture(
     wrong = np.flatnonzero(~fine)[:_FAULTS]
     kinds = {kind.code: (kind.__doc__ or "").rstrip(".") for kind in FrameError.__subclasses__()}
     log = Log(
-        end[fine], np.full(int(fine.sum()), "can0"), rows.number[fine], rows.extended[fine],
-        rows.remote[fine], rows.dlc[fine], rows.data[fine],
+        end[fine],
+        np.full(int(fine.sum()), "can0"),
+        rows.number[fine],
+        rows.extended[fine],
+        rows.remote[fine],
+        rows.dlc[fine],
+        rows.data[fine],
         faults=tuple(
             f"frame at {start[k]:.6f} s, bit {rows.place[k]}: {kinds[int(rows.error[k])]}"
             for k in wrong
         ),
-    )  # fmt: skip
+    )
     readable = fine | (rows.place >= rows.tail)
     text = rows.data.tobytes().hex(" ", 8).split() if len(fine) else []
     size = np.where(rows.remote, 0, np.minimum(rows.dlc, 8))

@@ -80,9 +80,14 @@ class ErrorBound:
     )
     burst: int = whole(0, 10**6, "", "Number of errors in the burst at the beginning", default=1)
     bits: int = whole(
-        17, 31, "bit", "Cost of an error in addition to sending the frame again; `ERROR_BITS` "
-        "contains the values of published analyses", default=31, kw_only=True,
-    )  # fmt: skip
+        17,
+        31,
+        "bit",
+        "Cost of an error in addition to sending the frame again; `ERROR_BITS` "
+        "contains the values of published analyses",
+        default=31,
+        kw_only=True,
+    )
 
     def __post_init__(self) -> None:
         if self.interval != math.inf and not (self.interval <= 1e5 and self.burst >= 1):

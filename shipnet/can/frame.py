@@ -37,9 +37,16 @@ TAIL = (("CRC delimiter", "1"), ("ACK slot", "0"), ("ACK delimiter", "1"), ("EOF
 # "x" marks bits that a transmitter chooses; reserved bits are dominant.
 _BASE = {"SOF": "0", "base identifier": "x" * 11, "RTR": "x", "IDE": "0", "r0": "0", "DLC": "xxxx"}
 _EXTENDED = {
-    "SOF": "0", "base identifier": "x" * 11, "SRR": "1", "IDE": "1",
-    "identifier extension": "x" * 18, "RTR": "x", "r1": "0", "r0": "0", "DLC": "xxxx",
-}  # fmt: skip
+    "SOF": "0",
+    "base identifier": "x" * 11,
+    "SRR": "1",
+    "IDE": "1",
+    "identifier extension": "x" * 18,
+    "RTR": "x",
+    "r1": "0",
+    "r0": "0",
+    "DLC": "xxxx",
+}
 
 HEADS = (_BASE, _EXTENDED)  #: The fields before the data, without and with an extended identifier.
 
@@ -80,11 +87,11 @@ RUN = 5  #: Number of equal bits after which a stuff bit is sent.
 def stuff_places(bits: str) -> list[int]:
     """Return the number of bits before each stuff bit, not counting other stuff bits."""
     places, last, run = [], "", 0
-    for place, bit in enumerate(bits, start=1):
+    for count, bit in enumerate(bits, start=1):
         run = run + 1 if bit == last else 1
         last = bit
         if run == RUN:
-            places.append(place)
+            places.append(count)
             last, run = "10"[int(bit)], 1
     return places
 
@@ -92,9 +99,9 @@ def stuff_places(bits: str) -> list[int]:
 def stuff(bits: str) -> str:
     """Return bits with stuff bits inserted, including one due after the last bit."""
     parts, begin = [], 0
-    for place in stuff_places(bits):
-        parts += [bits[begin:place], "10"[int(bits[place - 1])]]
-        begin = place
+    for count in stuff_places(bits):
+        parts += [bits[begin:count], "10"[int(bits[count - 1])]]
+        begin = count
     return "".join([*parts, bits[begin:]])
 
 
@@ -220,7 +227,7 @@ class Frame:
     @property
     def stuff_positions(self) -> tuple[int, ...]:
         """Indices of the stuff bits in `bits`, counted from 0."""
-        return tuple(place + k for k, place in enumerate(stuff_places(self.unstuffed)))
+        return tuple(count + k for k, count in enumerate(stuff_places(self.unstuffed)))
 
     @property
     def fields(self) -> tuple[Field, ...]:
@@ -361,8 +368,8 @@ def decode(bits: str) -> Frame:
         what = f"received {received:#06x}, but computed {expected:#06x}"
         raise line.fault(CrcError, "CRC sequence", what)
     for field, fixed in TAIL:
-        for place, right in enumerate(fixed, start=1):
-            if line.raw(field) == right or (field == "EOF" and place == len(fixed)):
+        for index, right in enumerate(fixed, start=1):
+            if line.raw(field) == right or (field == "EOF" and index == len(fixed)):
                 continue
             if field == "ACK slot":
                 raise line.fault(AcknowledgeError, field, "recessive; no receiver acknowledged")
@@ -437,26 +444,26 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
     >>> contest.stopped, contest.bus
     ((2, 12, None), '000100000100000')
     """
-    given = tuple(frames)
-    if not given:
+    contenders = tuple(frames)
+    if not contenders:
         raise ArgumentError("frames is empty; it must contain at least one Frame")
-    rows = [frame.bits for frame in given]
-    ends = [_end(frame) for frame in given]
-    active = set(range(len(given)))
-    stopped: list[int | None] = [None] * len(given)
+    rows = [frame.bits for frame in contenders]
+    ends = [_end(frame) for frame in contenders]
+    active = set(range(len(contenders)))
+    stopped: list[int | None] = [None] * len(contenders)
     bus = ""
     while len(bus) < max(ends[k] for k in active):
-        place = len(bus)
-        level = min(rows[k][place] for k in active)
+        index = len(bus)
+        level = min(rows[k][index] for k in active)
         for k in sorted(active):
-            if rows[k][place] != level:
-                stopped[k] = place
+            if rows[k][index] != level:
+                stopped[k] = index
                 active.remove(k)
         bus += level
     if len(active) > 1:
-        same = " and ".join(str(given[k]) for k in sorted(active))
+        same = " and ".join(str(contenders[k]) for k in sorted(active))
         raise ArgumentError(f"frames {same} have the same id; they would collide in their data")
-    return Arbitration(given, bus, tuple(stopped))
+    return Arbitration(contenders, bus, tuple(stopped))
 
 
 def _end(frame: Frame) -> int:

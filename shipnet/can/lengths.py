@@ -178,12 +178,12 @@ def stuffed_lengths(
     for frame in range(len(head)):
         checked = head_bits[frame] + data_bits[frame]
         register, last, run, stuffed = 0, -1, 0, 0
-        for place in range(checked + crc_bits):
+        for index in range(checked + crc_bits):
             out = register >> (crc_bits - 1)
-            if place < head_bits[frame]:
-                bit = head[frame] >> (head_bits[frame] - 1 - place) & 1
-            elif place < checked:
-                bit = data[frame] >> (head_bits[frame] + 63 - place) & 1
+            if index < head_bits[frame]:
+                bit = head[frame] >> (head_bits[frame] - 1 - index) & 1
+            elif index < checked:
+                bit = data[frame] >> (head_bits[frame] + 63 - index) & 1
             else:
                 bit = out
             register = register << 1 & mask ^ (bit ^ out) * polynomial

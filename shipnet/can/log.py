@@ -23,9 +23,14 @@ from shipnet.tables import save_suffix
 
 #: Legal kinds of numpy dtype for each column of a log.
 _KINDS = {
-    "time": "fiu", "channel": "U", "arbitration_id": "iu", "extended": "b", "remote": "b",
-    "dlc": "iu", "data": "iu",
-}  # fmt: skip
+    "time": "fiu",
+    "channel": "U",
+    "arbitration_id": "iu",
+    "extended": "b",
+    "remote": "b",
+    "dlc": "iu",
+    "data": "iu",
+}
 
 
 _SHORTEST = 47e-6  #: Duration of the shortest frame at 1 Mbit/s [s].
@@ -179,25 +184,27 @@ class Log:
         order = np.lexsort((self.time, self.channel))
         time, channel, ids, extended, remote, dlc, data = (c[order] for c in self.columns)
         bits = measure_frames(ids, data, dlc, extended=extended, remote=remote).astype(float)
-        share = np.zeros(len(order))
+        keys, loads = self.keys[order], np.zeros(len(order))
         totals, messages = [], []
+
+        def share(chosen: Bools) -> Floats:
+            return _sliding(time[chosen], bits[chosen], window) / (rate * window)
+
         for name in np.unique(channel).tolist():
             here = channel == name
-            when, size = time[here], bits[here]
-            share[here] = _sliding(when, size, window) / (rate * window)
-            span = when[-1] - when[0] + size[0] / rate
-            totals.append((name, len(when), span, size.sum() / rate / span, share[here].max()))
-            keys = ids[here] << 1 | extended[here]
-            for key in np.unique(keys):
-                mine = keys == key
-                own = size[mine]
-                peak = _sliding(when[mine], own, window).max() / (rate * window)
-                whose = (name, hexadecimal(key >> 1, key & 1), bool(key & 1))
-                messages.append((*whose, len(own), own.sum(), own.sum() / rate / span, peak))
+            loads[here] = share(here)
+            span = np.ptp(time[here]) + bits[here][0] / rate
+            load = bits[here].sum() / rate / span
+            totals.append((name, here.sum(), span, load, loads[here].max()))
+            for key in np.unique(keys[here]).tolist():
+                one = here & (keys == key)
+                sent, load = bits[one].sum(), bits[one].sum() / rate / span
+                identifier = hexadecimal(key >> 1, key & 1), bool(key & 1)
+                messages.append((name, *identifier, one.sum(), sent, load, share(one).max()))
         columns = ["channel", "frames", "duration_s", "load", "peak_load"]
         each = ["channel", "arbitration_id", "extended", "frames", "bits", "load", "peak_load"]
         return LogLoad(
-            pd.DataFrame({"channel": channel, "time_s": time, "load": share}),
+            pd.DataFrame({"channel": channel, "time_s": time, "load": loads}),
             pd.DataFrame(messages, columns=each),
             pd.DataFrame(totals, columns=columns).set_index("channel"),
             len(self.faults) + len(self.skipped),
@@ -222,27 +229,27 @@ class Log:
         keys, size = self.keys, np.where(self.remote, 0, np.minimum(self.dlc, 8))
         times = {key: np.sort(self.time[keys == key]) for key in np.unique(keys).tolist()}
         patterns = {key: _pattern(when, span, self.step) for key, when in times.items()}
-        alone = {key: period for key, when in times.items() if period and len(when) == 1}
-        means = {key: pattern.mean for key, pattern in patterns.items()} | alone
+        if period:
+            alone = (key for key, when in times.items() if len(when) == 1)
+            patterns |= {key: patterns[key]._replace(mean=period) for key in alone}
+        shortest_mean = min(pattern.mean for pattern in patterns.values())
         messages, rows = [], []
         for key, when in times.items():
-            name, mean, pattern = hexadecimal(key >> 1, key & 1), means[key], patterns[key]
-            frames = pattern.burst
+            pattern, name = patterns[key], hexadecimal(key >> 1, key & 1)
+            burst = pattern.burst
             if math.isnan(pattern.period):
-                frames = int(_sliding(when, np.ones(len(when)), min(means.values())).max())
-            jitter = (frames - 1) * (mean - pattern.shortest) - self.step if frames > 1 else 0.0
-            mean = round(min(mean, 1e5), 9)
-            jitter = round(min(max(jitter, 0.0), 1e5 - mean), 9)
+                burst = int(_sliding(when, np.ones(len(when)), shortest_mean).max())
+            queued = (burst - 1) * (pattern.mean - pattern.shortest) - self.step if burst > 1 else 0
+            mean = round(min(pattern.mean, 1e5), 9)
+            jitter = round(min(max(queued, 0.0), 1e5 - mean), 9)
             silence = float(np.diff(when, prepend=self.time.min(), append=self.time.max()).max())
             wander = max(lateness(when, mean)) if pattern.mean == pattern.period else math.nan
             spans = (pattern.period, pattern.jitter, pattern.shortest, silence, wander, self.step)
-            rows.append((name, pattern.kind, len(when), frames, *(1e3 * span for span in spans)))
+            rows.append((name, pattern.kind, len(when), burst, *(1e3 * span for span in spans)))
+            dlc, extended = int(size[keys == key].max()), bool(key & 1)
             messages.append(
-                Message(
-                    name, key >> 1, int(size[keys == key].max()), mean, mean + jitter, jitter,
-                    extended=bool(key & 1),
-                )
-            )  # fmt: skip
+                Message(name, key >> 1, dlc, mean, mean + jitter, jitter, extended=extended)
+            )
         columns = ["name", "kind", "frames", "burst", "period_ms", "jitter_ms", "shortest_ms"]
         columns += ["longest_ms", "wander_ms", "step_ms"]
         observed = pd.DataFrame(rows, columns=columns).set_index("name").round(6)

@@ -1,7 +1,7 @@
 """Readers of CAN logs in the formats candump, Yacht Devices RAW, CSV, ASC, BLF and TRC.
 
-Records become rows, which `_Found.add` checks, except in `_take_plain`. python-can is used for ASC
-and TRC files, but not for BLF, because its BLF reader may never finish on a damaged file.
+Records become rows, which `_Records.add` checks. python-can is used for ASC and TRC files, but not
+for BLF, because its BLF reader may never finish on a damaged file.
 """
 
 from __future__ import annotations
@@ -24,12 +24,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.frame import highest_id
 from shipnet.can.log import Log, impossible
-from shipnet.can.messages import said
+from shipnet.can.messages import one_line
 from shipnet.errors import InputError, load_extra
 
-_BLOCK, _ROWS = 1 << 22, 1 << 16  #: Number of bytes, and of rows, processed at once.
+_ROWS = 1 << 16  #: Number of rows kept as Python objects; more rows are packed into an array.
 _FAULTS = 1000  #: Largest number of faults recorded per file.
 
 #: Kinds of valid records other than classic CAN frames, and data lengths used only by CAN FD.
@@ -49,73 +48,87 @@ class _Row(NamedTuple):
     kind: str = ""
 
 
-#: Types of the columns of a log, and of the column with each frame's place in the file.
-_DTYPES: tuple[Any, ...] = (float, str, np.int64, bool, bool, np.uint8, np.uint8, np.int64)
+#: Columns of a log, and the position of each frame in the file.
+_COLUMNS = np.dtype(
+    [
+        ("time", float),
+        ("channel", object),
+        ("arbitration_id", np.int64),
+        ("extended", bool),
+        ("remote", bool),
+        ("dlc", np.uint8),
+        ("data", "S8"),
+        ("position", np.int64),
+    ]
+)
 
 
-class _Found:
-    """The records read from a file so far; a place is a line or frame number, as `unit` says."""
+class _Records:
+    """The records read from a file so far; a position is a line or frame number, as `unit` says."""
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
         self.rows: list[tuple[Any, ...]] = []
-        #: Columns of a log, and the places of its frames, in parts; the first part is empty.
-        self.parts = [[np.zeros((0, 8) if k == 6 else 0, kind) for k, kind in enumerate(_DTYPES)]]
+        self.packed: list[npt.NDArray[np.void]] = []
         self.skipped: list[tuple[float, str, str]] = []
         self.faults: list[tuple[int, str]] = []
         self.more = 0
 
-    def fault(self, place: int, why: str, where: str = "") -> None:
-        """Record a fault at a place."""
+    def fault(self, position: int, why: str, where: str = "") -> None:
+        """Record a fault at a position."""
         if len(self.faults) < _FAULTS:
-            self.faults.append((place, f"{where or f'{self.unit} {place}'}: {why}"))
+            self.faults.append((position, f"{where or f'{self.unit} {position}'}: {why}"))
         else:
             self.more += 1
 
-    def add(self, place: int, row: _Row) -> None:
+    def add(self, position: int, row: _Row) -> None:
         """Add a row to the frames, to the skipped records or, if it is illegal, to the faults."""
         time = nan if row.time is None else row.time
         if row.kind:
             self.skipped.append((time, row.channel, row.kind))
             return
-        why = impossible(
-            0.0 if row.time is None else time, row.number, row.extended, row.dlc, row.remote,
-            len(row.data),
-        )  # fmt: skip
+        checked = 0.0 if row.time is None else time
+        why = impossible(checked, row.number, row.extended, row.dlc, row.remote, len(row.data))
         if why:
-            self.fault(place, why)
+            self.fault(position, why)
             return
-        self.rows.append((time, *row[1:7], place))
-        if len(self.rows) >= _ROWS:
+        self.rows.append((time, *row[1:7], position))
+        if len(self.rows) == _ROWS:
             self.pack()
 
     def pack(self) -> None:
-        """Convert the rows into columns."""
-        if self.rows:
-            columns: list[Any] = list(zip(*self.rows, strict=True))
-            self.rows = []
-            octets = b"".join([some.ljust(8, b"\0") for some in columns[6]])
-            columns[6] = np.frombuffer(octets, dtype=np.uint8).reshape(-1, 8)
-            self.parts.append(
-                [np.array(one, dtype=kind) for one, kind in zip(columns, _DTYPES, strict=True)]
-            )
+        """Move the rows into an array, which takes less memory."""
+        self.packed.append(np.array(self.rows, dtype=_COLUMNS))
+        self.rows = []
 
     def log(self) -> tuple[Log, int]:
         """Return the log, and the number of faults that it does not list."""
         self.pack()
-        every: list[Any] = [np.concatenate(column) for column in zip(*self.parts, strict=True)]
-        time, channel, places = every[0], every[1], every[-1]
+        frames = np.concatenate(self.packed)
+        time, channel = frames["time"], frames["channel"].astype(str)
         without = np.isnan(time)
         bad = without & ~without.all()
         for name in np.unique(channel) if np.any(np.diff(time) < 0) else ():
-            mine = np.flatnonzero((channel == name) & ~bad)
-            bad[mine[_out_of_order(time[mine])]] = True
+            on_channel = np.flatnonzero((channel == name) & ~bad)
+            bad[on_channel[_out_of_order(time[on_channel])]] = True
         for at in np.flatnonzero(bad):
             why = f"the time {time[at]} s is out of order on {channel[at]}"
-            self.fault(int(places[at]), "it has no time, but others do" if without[at] else why)
-        faults = tuple(why for _, why in sorted(self.faults))
-        fields = [column[~bad] for column in every[:-1]] + [faults, tuple(self.skipped)]
-        return Log(*fields), self.more
+            position = int(frames["position"][at])
+            self.fault(position, "it has no time, but others do" if without[at] else why)
+        frames, channel = frames[~bad], channel[~bad]
+        data = np.ascontiguousarray(frames["data"]).view(np.uint8).reshape(-1, 8)
+        log = Log(
+            frames["time"],
+            channel,
+            frames["arbitration_id"],
+            frames["extended"],
+            frames["remote"],
+            frames["dlc"],
+            data,
+            tuple(why for _, why in sorted(self.faults)),
+            tuple(self.skipped),
+        )
+        return log, self.more
 
 
 def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
@@ -127,15 +140,15 @@ def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     ends: list[int] = []
     before = np.full(len(time), -1)
     # The search runs backwards so that, of two equally long sequences, the earlier one is kept.
-    for place, now in enumerate((-time[::-1]).tolist()):
+    for position, now in enumerate((-time[::-1]).tolist()):
         length = bisect_right(lasts, now)
-        before[place] = ends[length - 1] if length else -1
-        lasts[length:length + 1], ends[length:length + 1] = [now], [place]  # fmt: skip
+        before[position] = ends[length - 1] if length else -1
+        lasts[length : length + 1], ends[length : length + 1] = [now], [position]
     kept = np.zeros(len(time), dtype=bool)
-    place = ends[-1]
-    while place >= 0:
-        kept[place] = True
-        place = int(before[place])
+    position = ends[-1]
+    while position >= 0:
+        kept[position] = True
+        position = int(before[position])
     return np.flatnonzero(~kept[::-1])
 
 
@@ -192,10 +205,10 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
                 "or the software of the logger",
             )
         readers = {"text": _read_text, "blf": _read_blf}
-        found = readers.get(kind, partial(_read_foreign, kind))(file)
+        records = readers.get(kind, partial(_read_foreign, kind))(file)
     except OSError as problem:
         raise InputError(str(path), f"cannot be read: {problem.strerror}") from None
-    log, more = found.log()
+    log, more = records.log()
     if log.faults and not keep:
         raise InputError(str(path), *log.faults, more=more)
     return log
@@ -205,10 +218,11 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
 _SIGNS = {
     "asc": re.compile(
         r"(date\s+\w+\s|base\s+(hex|dec)\b|begin\s+triggerblock|"
-        r"\d+\.\d+\s+(CANFD|\d+\s+(ErrorFrame|[0-9a-f]+x?\s+[TR]x))\b)", re.I
+        r"\d+\.\d+\s+(CANFD|\d+\s+(ErrorFrame|[0-9a-f]+x?\s+[TR]x))\b)",
+        re.I,
     ),
     "trc": re.compile(r";\$|\d+\)\s+\d"),
-}  # fmt: skip
+}
 
 
 def log_kind(file: Path) -> str:
@@ -229,16 +243,9 @@ def log_kind(file: Path) -> str:
     return kind if kind in ("asc", "blf", "trc") else ""
 
 
-#: A line of ``candump -l``, or of python-can, which appends the direction. A remote frame has R,
-#: optionally followed by its DLC, in place of data.
-_PLAIN = re.compile(
-    rb"^\((\d{1,10}\.\d{1,9})\) +(\S+) +([0-9A-Fa-f]{8}|[0-9A-Fa-f]{3})#"
-    rb"(?:([Rr][0-8]?)|((?:[0-9A-Fa-f]{2}){0,8}))(?: [RT])?[ \t]*\r?$",
-    re.M,
-)
-
-#: Any line of candump. A line number, a time or date, and a comment are optional; so is the length
-#: in brackets, which has two digits in CAN FD.
+#: A line of candump. A line number, a time or date, and a comment are optional; so is the length in
+#: brackets, which has two digits in CAN FD. A remote frame has R in place of data, optionally
+#: followed by its DLC. python-can appends the direction.
 _LINE = re.compile(
     r"\s*(?:\d+[:.)|]?\s*(?=[(A-Za-z]))?(?:\((?P<time>[^()]{1,40})\)\s+)?"
     r"(?:(?P<channel>\S{1,64})\s+(?:[RT]X\s+[B-]\s+[E-]\s+)?|<0x(?=[0-9A-Fa-f]{3,8}>\s+\[))"
@@ -264,66 +271,24 @@ _DECIMAL = re.compile(r"\d{1,18}(\.\d{0,12})?")
 _DIGITS = re.compile(r"(?:0[xX])?[0-9A-Fa-f]{1,16}")
 
 
-def _read_text(file: Path) -> _Found:
-    found, before = _Found("line"), 0
+def _read_text(file: Path) -> _Records:
+    records = _Records("line")
     parse: Callable[[str], _Row] = _candump
     with open(file, "rb") as stream:
-        while lines := stream.readlines(_BLOCK):
-            plain = _PLAIN.findall(b"".join(lines)) if parse is _candump else []
-            if len(plain) == len(lines):
-                _take_plain(found, plain, before + 1)
-            else:
-                for place, line in enumerate(lines, before + 1):
-                    text = line.decode("utf-8-sig" if place == 1 else "utf-8", "replace")
-                    if _COMMENT.match(text):
-                        continue
-                    if table := _table(text):
-                        parse = table
-                        continue
-                    if parse is _candump and _RAW.match(text):
-                        parse = _raw_parser()
-                    try:
-                        found.add(place, parse(text))
-                    except (ValueError, KeyError) as problem:
-                        found.fault(place, str(problem))
-            before += len(lines)
-    return found
-
-
-def _take_plain(found: _Found, groups: list[tuple[bytes, ...]], first: int) -> None:
-    """Add lines that all have the form of ``candump -l``; only their identifiers need a check."""
-    found.pack()
-    times, names, numbers, asks, data = zip(*groups, strict=True)
-    time = np.array(times).astype(float)
-    known = {name: name.decode("utf-8", "replace") for name in set(names)}
-    channel = np.array([known[name] for name in names])
-    ids = np.array([int(text, 16) for text in numbers], dtype=np.int64)
-    extended = np.array([len(text) == 8 for text in numbers])
-    text = b"".join([octets.ljust(16, b"0") for octets in data]).decode("ascii")
-    dlc = [
-        int(ask[1:] or b"0") if ask else len(octets) // 2
-        for octets, ask in zip(data, asks, strict=True)
-    ]
-    error = extended & (ids >> 29 == 1)
-    bad = ids > np.where(extended, highest_id(True), highest_id(False))
-    for at in np.flatnonzero(bad):
-        if error[at]:
-            found.skipped.append((float(time[at]), str(channel[at]), _ERROR))
-        else:
-            found.fault(first + int(at), impossible(0.0, int(ids[at]), bool(extended[at]), 0))
-    rows = np.frombuffer(bytes.fromhex(text), dtype=np.uint8).reshape(-1, 8)
-    remote, codes = np.array(asks) != b"", np.array(dlc, dtype=np.uint8)
-    columns = (
-        time,
-        channel,
-        ids,
-        extended,
-        remote,
-        codes,
-        rows,
-        np.arange(first, first + len(ids)),
-    )
-    found.parts.append([column[~bad] for column in columns])
+        for position, line in enumerate(stream, start=1):
+            text = line.decode("utf-8-sig" if position == 1 else "utf-8", "replace")
+            if _COMMENT.match(text):
+                continue
+            if table := _table(text):
+                parse = table
+                continue
+            if parse is _candump and _RAW.match(text):
+                parse = _raw_parser()
+            try:
+                records.add(position, parse(text))
+            except (ValueError, KeyError) as problem:
+                records.fault(position, str(problem))
+    return records
 
 
 def _candump(line: str) -> _Row:
@@ -390,7 +355,7 @@ def _seconds(text: str) -> float:
 
 def _table(line: str) -> Callable[[str], _Row] | None:
     """Return a parser for the rows below a title row, or None if the line is not a title row."""
-    for separator in ",;\t":
+    for separator in (mark for mark in ",;\t" if mark in line):
         titles = [re.sub(r"[\W_]", "", title).lower() for title in line.split(separator)]
         if {"timestamp", "arbitrationid", "extended", "remote", "dlc", "data"} <= set(titles):
             return partial(_cells, titles, separator, _python_can_row)
@@ -499,21 +464,21 @@ class _Lines(io.TextIOWrapper):
         self.text = ""
 
 
-def _read_foreign(kind: str, file: Path) -> _Found:
+def _read_foreign(kind: str, file: Path) -> _Records:
     """Read an ASC or TRC file with python-can."""
     can = load_extra("can", "python-can")
-    found, asc = _Found("line"), kind == "asc"
+    records, asc = _Records("line"), kind == "asc"
 
-    def unused(place: int, text: str) -> None:
+    def unused(position: int, text: str) -> None:
         words = set(text.split()[:6])
         if asc and _ASC_FRAME.match(text):
-            found.fault(place, f"{_shown(text)} is not an ASC frame")
+            records.fault(position, f"{_shown(text)} is not an ASC frame")
         elif asc or text[0] == ";" or words & _TRC_OTHERS:
             return
         elif words & _TRC_ERRORS:
-            found.skipped.append((nan, "bus", _ERROR))
+            records.skipped.append((nan, "bus", _ERROR))
         else:
-            found.fault(place, f"{_shown(text)} is not a TRC frame")
+            records.fault(position, f"{_shown(text)} is not a TRC frame")
 
     with open(file, "rb") as binary:
         stream = _Lines(binary, asc, unused)
@@ -526,7 +491,7 @@ def _read_foreign(kind: str, file: Path) -> _Found:
                 break
             # A reader may raise any exception, after which its iterator cannot continue.
             except Exception as problem:
-                found.fault(stream.line, said(problem))
+                records.fault(stream.line, one_line(problem))
                 if stream.ended:
                     break
                 stream.text, stream.in_body = "", False
@@ -534,9 +499,9 @@ def _read_foreign(kind: str, file: Path) -> _Found:
                 continue
             # For ASC, python-can converts length codes 9..15 to numbers of bytes, as in CAN FD.
             dlc = can.util.len2dlc(message.dlc) if asc else message.dlc
-            found.add(stream.line, _row(message, dlc))
+            records.add(stream.line, _row(message, dlc))
             stream.text = ""
-    return found
+    return records
 
 
 def _row(message: Any, dlc: int) -> _Row:
@@ -544,9 +509,15 @@ def _row(message: Any, dlc: int) -> _Row:
     kind = _ERROR if message.is_error_frame else _FD if message.is_fd else ""
     channel = "bus" if message.channel is None else str(message.channel)
     return _Row(
-        message.timestamp, channel, message.arbitration_id, message.is_extended_id,
-        message.is_remote_frame, dlc, bytes(message.data), kind,
-    )  # fmt: skip
+        message.timestamp,
+        channel,
+        message.arbitration_id,
+        message.is_extended_id,
+        message.is_remote_frame,
+        dlc,
+        bytes(message.data),
+        kind,
+    )
 
 
 #: Types of BLF objects: containers, all frames, error frames, and two forms of CAN FD frames.
@@ -557,15 +528,17 @@ _CONTAINER, _FRAMES, _ERRORS, _FD_FORM, _FD_LONG = 10, (1, 86, 73, 100, 101), 73
 _LARGEST, _LARGEST_OBJECT, _RATIO = 1 << 24, 1 << 20, 20
 
 
-def _read_blf(file: Path) -> _Found:
-    found, data = _Found("frame"), file.read_bytes()
+def _read_blf(file: Path) -> _Records:
+    records, data = _Records("frame"), file.read_bytes()
     start = int.from_bytes(data[4:8], "little")
     if not 144 <= start <= len(data):
-        found.fault(0, f"the header length is {start}; expected 144..{len(data)}", "after frame 0")
-        return found
+        records.fault(
+            0, f"the header length is {start}; expected 144..{len(data)}", "after frame 0"
+        )
+        return records
     size, count, tail = int.from_bytes(data[16:24], "little"), 0, b""
     if size > len(data):
-        found.fault(0, f"it has only {len(data)} of {size} bytes; it is cut off", "the file")
+        records.fault(0, f"it has only {len(data)} of {size} bytes; it is cut off", "the file")
     year, month, _, day, hour, minute, second, ms = unpack_from("<8H", data, 40)
     try:
         at = datetime(year, month, day, hour, minute, second, 1000 * ms, tzinfo=UTC)
@@ -575,7 +548,7 @@ def _read_blf(file: Path) -> _Found:
     left = _RATIO * len(data) + _LARGEST_OBJECT
 
     def fault(why: str) -> None:
-        found.fault(count, why, f"after frame {count}")
+        records.fault(count, why, f"after frame {count}")
 
     objects = _Objects(data, start, len(data), fault)
     for kind, whole in objects:
@@ -589,16 +562,16 @@ def _read_blf(file: Path) -> _Found:
             if part_kind in _FRAMES:
                 count += 1
                 try:
-                    found.add(count, _object_row(part_kind, part, begin))
+                    records.add(count, _object_row(part_kind, part, begin))
                 except StructError:
-                    found.fault(count, f"a frame object of {len(part)} bytes cannot be decoded")
-        tail = inner[parts.place :]
+                    records.fault(count, f"a frame object of {len(part)} bytes cannot be decoded")
+        tail = inner[parts.position :]
         if left <= 0:
             fault(f"the containers unpack to more than {_RATIO} times the file size")
             break
-    if tail or objects.place < len(data):
+    if tail or objects.position < len(data):
         fault("the end of the file is cut off")
-    return found
+    return records
 
 
 def _object_row(kind: int, part: bytes, begin: float) -> _Row:
@@ -619,42 +592,50 @@ def _object_row(kind: int, part: bytes, begin: float) -> _Row:
         channel, flags, dlc, number, data = unpack_from("<HBBI8s", part, body)
         size, remote = dlc, flags & 0x80
     return _Row(
-        time, str(channel - 1), number & 0x1FFFFFFF, number >> 31 == 1, bool(remote), dlc,
-        b"" if remote else data[:size], _ERROR if kind == _ERRORS else _FD if fd else "",
-    )  # fmt: skip
+        time,
+        str(channel - 1),
+        number & 0x1FFFFFFF,
+        number >> 31 == 1,
+        bool(remote),
+        dlc,
+        b"" if remote else data[:size],
+        _ERROR if kind == _ERRORS else _FD if fd else "",
+    )
 
 
 class _Objects:
-    """Iterator over the types and bytes of BLF objects; the next search starts at `place`."""
+    """Iterator over the types and bytes of BLF objects; the next search starts at `position`."""
 
-    def __init__(self, data: bytes, place: int, most: int, fault: Callable[[str], None]) -> None:
-        self.data, self.place, self.most, self.fault = data, place, most, fault
+    def __init__(self, data: bytes, position: int, most: int, fault: Callable[[str], None]) -> None:
+        self.data, self.position, self.most, self.fault = data, position, most, fault
 
     def __iter__(self) -> Iterator[tuple[int, bytes]]:
         data = self.data
         while True:
             # Objects are padded to a multiple of four bytes.
-            at = data.find(b"LOBJ", self.place, self.place + 8)
+            at = data.find(b"LOBJ", self.position, self.position + 8)
             if at < 0:
-                if len(data) - self.place < 8:
-                    self.place = len(data) if not data[self.place :].strip(b"\0") else self.place
+                if len(data) - self.position < 8:
+                    self.position = (
+                        len(data) if not data[self.position :].strip(b"\0") else self.position
+                    )
                     return
                 self.fault("no object begins here")
-                at = data.find(b"LOBJ", self.place)
+                at = data.find(b"LOBJ", self.position)
                 if at < 0:
-                    self.place = len(data)
+                    self.position = len(data)
                     return
-            self.place = at
+            self.position = at
             if at + 16 > len(data):
                 return
             size, kind = unpack_from("<2I", data, at + 8)
             if not 16 <= size <= self.most:
                 self.fault(f"an object has an illegal length of {size} bytes")
-                self.place = at + 4
+                self.position = at + 4
                 continue
             if at + size > len(data):
                 return
-            self.place = at + size
+            self.position = at + size
             yield kind, data[at : at + size]
 
 

@@ -64,28 +64,43 @@ class Message:
 
     name: str = text("Name; printable text", most=1000)
     arbitration_id: int = whole(
-        0, 2**29 - 1, "",
+        0,
+        2**29 - 1,
+        "",
         "Identifier, up to 0x7FF unless `extended`; the lowest has the highest priority",
-    )  # fmt: skip
+    )
     dlc: int = whole(0, 8, "", "Number of data bytes")
     period: float = number(1e-6, 1e5, "s", "Shortest time between two events that trigger it")
     deadline: float = number(
-        1e-6, 1e5, "s", "Longest allowed time from the event to the end of the frame; the "
-        "period by default. It may exceed the period", default=None, optional=True,
-    )  # fmt: skip
+        1e-6,
+        1e5,
+        "s",
+        "Longest allowed time from the event to the end of the frame; the "
+        "period by default. It may exceed the period",
+        default=None,
+        optional=True,
+    )
     jitter: float = number(
         0, 1e5, "s", "Longest time from the event until the message is queued", default=0.0
     )
     offset: float = number(
-        0, 1e5, "s", "Time of the first event in a simulation; the analysis ignores it by "
-        "default, because nodes do not share a clock", default=0.0,
-    )  # fmt: skip
+        0,
+        1e5,
+        "s",
+        "Time of the first event in a simulation; the analysis ignores it by "
+        "default, because nodes do not share a clock",
+        default=0.0,
+    )
     extended: bool = switch("Whether the identifier has 29 bits", default=False)
     sender: str = text("Node that sends the message", default="", most=1000)
     bits: int | None = whole(
-        47, 160, "bit", "Length of the frame with intermission, if not calculated from `dlc`",
-        default=None, optional=True,
-    )  # fmt: skip
+        47,
+        160,
+        "bit",
+        "Length of the frame with intermission, if not calculated from `dlc`",
+        default=None,
+        optional=True,
+    )
 
     def __post_init__(self) -> None:
         for field, value in (("name", self.name), ("sender", self.sender)):
@@ -98,8 +113,8 @@ class Message:
         if self.deadline is None:
             object.__setattr__(self, "deadline", self.period)
         for field in TIMES:
-            given = getattr(self, field)
-            if given and (rounded := nanoseconds(given) / 1e9) != given:
+            time = getattr(self, field)
+            if time and (rounded := nanoseconds(time) / 1e9) != time:
                 object.__setattr__(self, field, rounded)
 
     @property
@@ -150,7 +165,7 @@ _TITLES = {
     "note": "note notes remark remarks comment comments description no nr item pos receiver "
     "receivers receivingnode rx rxnode direction dir signal signals content contents system type "
     "sendtype messagetype bus channel network priority prio pgn revision rev status",
-}  # fmt: skip
+}
 
 _YES = dict.fromkeys("yes y x true 1 ext extended 29 29bit".split(), True) | dict.fromkeys(
     "no n false 0 std standard 11 11bit".split(), False
@@ -188,13 +203,13 @@ def set_faults(messages: Iterable[Message]) -> list[tuple[int, str]]:
     names: set[str] = set()
     taken: dict[tuple[int, bool, int], str] = {}
     faults = []
-    for place, message in enumerate(messages):
+    for index, message in enumerate(messages):
         if message.name in names:
-            faults.append((place, f"name {message.name!r} is taken"))
+            faults.append((index, f"name {message.name!r} is taken"))
         priority = message.priority
         if priority in taken:
             identifier = f"arbitration_id {message.hex_id} of {message.name!r}"
-            faults.append((place, f"{identifier} is taken by {taken[priority]!r}"))
+            faults.append((index, f"{identifier} is taken by {taken[priority]!r}"))
         names.add(message.name)
         taken.setdefault(priority, message.name)
     return faults
@@ -211,7 +226,7 @@ class Named(Sequence[T]):
         """Names of the items, in the order of the sequence."""
         raise NotImplementedError
 
-    def _place(self, name: str) -> int:
+    def _index(self, name: str) -> int:
         """Return the index of an item by its name."""
         if name not in self.names:
             raise ArgumentError(f"name is {name!r}; the messages are {', '.join(self.names)}")
@@ -229,7 +244,7 @@ class Named(Sequence[T]):
     def __getitem__(self, key: slice) -> tuple[T, ...]: ...
     def __getitem__(self, key: int | str | slice) -> T | tuple[T, ...]:
         """Return an item by index or name, or several by a slice."""
-        return self._items[self._place(key) if isinstance(key, str) else key]
+        return self._items[self._index(key) if isinstance(key, str) else key]
 
 
 class MessageSet(Named[Message]):
@@ -271,14 +286,10 @@ class MessageSet(Named[Message]):
         self.observed = observed
         self.any_source = frozenset(any_source)
         self.remarks = tuple(remarks)
-        given = list(messages)
-        others = [item for item in given if not isinstance(item, Message)]
-        if others:
-            raise ArgumentError(f"one of messages is {others[0]!r}; it must be a Message")
-        faults = set_faults(given)
-        if faults:
+        items = list(messages)
+        if faults := set_faults(items):
             raise ArgumentError("; ".join(fault for _, fault in faults))
-        self._items = tuple(sorted(given, key=lambda message: message.priority))
+        self._items = tuple(sorted(items, key=lambda message: message.priority))
         self._lengths: dict[Stuffing, Floats] = {}
 
     @property
@@ -318,23 +329,19 @@ class MessageSet(Named[Message]):
 
     def __repr__(self) -> str:
         faults = f"; {len(self.overlooked)} faults overlooked" if self.overlooked else ""
-        said = f"; {'; '.join(self.remarks)}" if self.remarks else ""
-        return f"MessageSet({counted(self.names)}{faults}{said})"
+        remarks = f"; {'; '.join(self.remarks)}" if self.remarks else ""
+        return f"MessageSet({counted(self.names)}{faults}{remarks})"
 
     def replace(self, name: str, **new: Any) -> MessageSet:
         """Return a copy with some fields of one message replaced.
 
         If the deadline equals the period, a new period also becomes the deadline.
         """
-        place = self._place(name)
-        known = Message.__dataclass_fields__
-        unknown = [field for field in new if field not in known]
-        if unknown:
-            raise ArgumentError(f"{unknown[0]!r} is not a field; a message has {', '.join(known)}")
+        index = self._index(name)
         if "period" in new and "deadline" not in new and self[name].deadline == self[name].period:
             new["deadline"] = None
         changed = replace(self[name], **new)
-        messages = [*self[:place], changed, *self[place + 1 :]]
+        messages = [*self[:index], changed, *self[index + 1 :]]
         return MessageSet(messages, any_source=self.any_source)
 
     def ordered(self, names: Iterable[str]) -> MessageSet:
@@ -349,7 +356,7 @@ class MessageSet(Named[Message]):
         moved = [self[name] for name in order]
         new = [message.arbitration_id for message in self._items]
         if len({message.extended for message in moved}) > 1:
-            new = [place << 18 * message.extended for place, message in enumerate(moved)]
+            new = [index << 18 * message.extended for index, message in enumerate(moved)]
         return MessageSet(
             replace(message, arbitration_id=identifier)
             for message, identifier in zip(moved, new, strict=True)
@@ -390,12 +397,16 @@ class MessageSet(Named[Message]):
     def _rows(self) -> list[tuple[object, ...]]:
         return [
             (
-                message.name, message.hex_id, message.dlc,
+                message.name,
+                message.hex_id,
+                message.dlc,
                 *(_milliseconds(getattr(message, time)) for time in TIMES),
-                "yes" if message.extended else "no", message.sender, message.bits,
+                "yes" if message.extended else "no",
+                message.sender,
+                message.bits,
             )
             for message in self
-        ]  # fmt: skip
+        ]
 
 
 def counted(names: Sequence[str]) -> str:
@@ -530,14 +541,14 @@ def _refuse_large(text: str, source: str) -> None:
     bits = [float(n) for pair in re.findall(r":\s*(\d+)\s*\|\s*(\d+)", plain) for n in pair]
     ranges = re.findall(r"(\d+)\s*-\s*(\d+)", plain)
     values = [float(end) - float(start) for start, end in ranges]
-    for what, found, most in (
+    for what, value, most in (
         ("the length of a message in bytes", max(lengths, default=0), _LARGEST),
         ("the length of all messages in bytes", sum(lengths), _LARGEST_SUM),
         ("the place of a signal in bits", max(bits, default=0), 8 * _LARGEST),
         ("the number of multiplexer values", sum(values), _MOST_VALUES),
     ):
-        if not found <= most:
-            raise InputError(source, f"{what} is {found:g}; it must be at most {most}")
+        if not value <= most:
+            raise InputError(source, f"{what} is {value:g}; it must be at most {most}")
 
 
 def parse_dbc(
@@ -550,7 +561,7 @@ def parse_dbc(
         database = cantools.database.load_string(text, database_format="dbc", strict=False)
     # cantools may raise any exception.
     except Exception as problem:
-        raise InputError(source, f"is not a DBC file: {said(problem)}") from None
+        raise InputError(source, f"is not a DBC file: {one_line(problem)}") from None
     messages, faults, overlooked = [], [], []
     protocol = database.dbc.attributes.get("ProtocolType")
     marked = protocol is not None and str(protocol.value) in ("J1939", "NMEA2000")
@@ -559,33 +570,37 @@ def parse_dbc(
         for one in database.messages
         if one.is_extended_frame and (marked or one.protocol == "j1939")
     ]
-    for found in database.messages:
-        place = f"message {found.name!r}"
+    for entry in database.messages:
+        where = f"message {entry.name!r}"
         try:
-            found.refresh(strict=True)
+            entry.refresh(strict=True)
         except Exception as problem:
-            overlooked.append(f"{place}: {said(problem)}")
+            overlooked.append(f"{where}: {one_line(problem)}")
         try:
-            if found.length > 8:
+            if entry.length > 8:
                 raise ArgumentError(
-                    f"has {found.length} bytes; a frame of classic CAN has at most 8. List the "
+                    f"has {entry.length} bytes; a frame of classic CAN has at most 8. List the "
                     "frames of a fast packet or transport protocol in a CSV file"
                 )
             message = Message(
-                found.name, found.frame_id, found.length, _cycle_time(found.cycle_time, period),
+                entry.name,
+                entry.frame_id,
+                entry.length,
+                _cycle_time(entry.cycle_time, period),
                 # cantools omits Vector__XXX, which marks a message without a sender.
-                extended=found.is_extended_frame, sender=found.senders[0] if found.senders else "",
-            )  # fmt: skip
+                extended=entry.is_extended_frame,
+                sender=entry.senders[0] if entry.senders else "",
+            )
         except ArgumentError as fault:
-            faults.append(f"{place}{'' if str(fault).startswith('has ') else ':'} {fault}")
+            faults.append(f"{where}{'' if str(fault).startswith('has ') else ':'} {fault}")
         else:
-            messages.append((place, message))
+            messages.append((where, message))
     if strict:
         faults += [f"{fault}; strict=False accepts the message" for fault in overlooked]
         return _checked(source, messages, faults, "has no message", any_source)
     twice = dict(set_faults(message for _, message in messages))
     faults += [f"{messages[number][0]}: {why}" for number, why in twice.items()]
-    kept = [found for number, found in enumerate(messages) if number not in twice]
+    kept = [entry for number, entry in enumerate(messages) if number not in twice]
     if not kept:
         return _checked(source, [], faults, "has no message")
     return MessageSet(
@@ -593,12 +608,12 @@ def parse_dbc(
     )
 
 
-def _cycle_time(given: object, period: float | None) -> float:
+def _cycle_time(cell: object, period: float | None) -> float:
     """Return a message's cycle time in a DBC file [s], or `period` if the file gives none."""
     try:
-        cycle = float(str(given or 0)) / 1e3
+        cycle = float(str(cell or 0)) / 1e3
     except ValueError:
-        raise ArgumentError(f"cycle time is {given!r}; it must be a number of ms") from None
+        raise ArgumentError(f"cycle time is {cell!r}; it must be a number of ms") from None
     if cycle:
         return cycle
     if period is None:
@@ -608,7 +623,7 @@ def _cycle_time(given: object, period: float | None) -> float:
     return period
 
 
-def said(problem: Exception) -> str:
+def one_line(problem: Exception) -> str:
     """Return the text of an exception on one line."""
     text = " ".join(str(problem).split())
     return (text if len(text) <= 150 else text[:147] + "...") or type(problem).__name__
@@ -638,8 +653,9 @@ def _from_sheet(sheet: Sheet, own: Mapping[str, str], period: float | None) -> M
     for row, values in enumerate(zip(*columns.values(), strict=True)):
         if row in cells.faulty:
             continue
-        fields = {field: value for field, value in zip(columns, values, strict=True)
-                  if value is not None}  # fmt: skip
+        fields = {
+            field: value for field, value in zip(columns, values, strict=True) if value is not None
+        }
         fields["arbitration_id"], is_long = fields["arbitration_id"]
         if "extended" not in cells.places:
             fields["extended"] = is_long

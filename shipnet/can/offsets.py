@@ -39,16 +39,16 @@ class Streams(NamedTuple):
 
 def clocks(senders: list[str], periods: list[int]) -> Integers:
     """Return the clock number of each message: its sender's, or its own if it has no sender."""
-    found: list[int] = []
+    numbers: list[int] = []
     newest: dict[str, tuple[int, list[int]]] = {}
-    for place, (sender, period) in enumerate(zip(senders, periods, strict=True)):
-        number, members = newest.get(sender, (place, []))
+    for index, (sender, period) in enumerate(zip(senders, periods, strict=True)):
+        number, members = newest.get(sender, (index, []))
         whole = math.lcm(period, *members)
         if not sender or sum(whole // each for each in (period, *members)) > MOST_RELEASES:
-            number, members = place, []
+            number, members = index, []
         newest[sender] = number, [*members, period]
-        found.append(number)
-    return np.array(found, dtype=np.int64)
+        numbers.append(number)
+    return np.array(numbers, dtype=np.int64)
 
 
 def longest_responses(streams: Streams) -> list[int] | None:
@@ -60,9 +60,9 @@ def longest_responses(streams: Streams) -> list[int] | None:
     # `most` exceeds all busy periods, but they are usually far shorter, so the span starts small.
     most = 2 * (int((streams.frame.max(initial=0) + jitter.sum()) / (1 - load)) + 2) + streams.tau
     span = int(4 * streams.frame.sum()) + 1
-    while (found := _within(streams, min(span, most))) is None:
+    while (longest := _within(streams, min(span, most))) is None:
         span *= 2
-    return found
+    return longest
 
 
 class _Clock:
@@ -103,9 +103,9 @@ class _Clock:
         first = np.searchsorted(self.event, begin, side="right") - 1
         count = np.searchsorted(self.event, begin + span, side="right") - first
         row = np.repeat(np.arange(len(begin)), count)
-        place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + first[row]
-        length = np.maximum(self.event[place] - begin[row], 0)
-        work = self.work[place + 1] - self.before(begin)[row]
+        index = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + first[row]
+        length = np.maximum(self.event[index] - begin[row], 0)
+        work = self.work[index + 1] - self.before(begin)[row]
         order = np.lexsort((work, length))
         length, work = length[order], np.maximum.accumulate(work[order])
         grows = np.diff(work, prepend=0) > 0
@@ -125,16 +125,16 @@ def _within(streams: Streams, span: int) -> list[int] | None:
     """Return the longest response times, or None if a busy period is longer than the span."""
     curves: dict[int, tuple[Integers, Integers]] = {}
     members: dict[int, list[int]] = {}
-    found = []
+    longest = []
     for m, clock in enumerate(streams.clock.tolist()):
         frame, jitter = int(streams.frame[m]), int(streams.jitter[m])
         higher = members.get(clock, [])
         blocking = int(streams.frame[m + 1 :].max(initial=0))
-        own = _Clock(streams, [*higher, m], span)
-        # Because `own` also includes this message, `above` must cover the hyperperiod of `own`.
-        above = _Clock(streams, higher, span + jitter, own.hyperperiod) if higher else None
+        releases = _Clock(streams, [*higher, m], span)
+        # `above`, without this message, must cover the hyperperiod with it.
+        above = _Clock(streams, higher, span + jitter, releases.hyperperiod) if higher else None
         others = [curve for number, curve in curves.items() if number != clock]
-        curves[clock] = own.curve(span)
+        curves[clock] = releases.curve(span)
 
         # The longest busy period, with all clocks, even the message's own, at their worst phase.
         length, work = _staircase([curves[clock], *others])
@@ -144,14 +144,14 @@ def _within(streams: Streams, span: int) -> list[int] | None:
         busy = int(blocking + work[ends[0]])
 
         # Pairs of an instance and a possible start (a latest release) of its busy period.
-        mine = own.event[own.message == m]
-        instance = mine[(mine >= 0) & (mine < own.hyperperiod)]
-        begins = np.unique(own.latest)
+        events = releases.event[releases.message == m]
+        instance = events[(events >= 0) & (events < releases.hyperperiod)]
+        begins = np.unique(releases.latest)
         low = np.searchsorted(begins, instance - busy, side="right")
         count = np.searchsorted(begins, instance + jitter, side="right") - low
         begin = begins[np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - low, count)]
         instance = np.repeat(instance, count)
-        earlier = np.searchsorted(mine, instance) - np.searchsorted(mine, begin - jitter)
+        earlier = np.searchsorted(events, instance) - np.searchsorted(events, begin - jitter)
         constant = blocking + earlier * frame
         if above is not None:
             constant = constant - above.before(begin)
@@ -169,9 +169,9 @@ def _within(streams: Streams, span: int) -> list[int] | None:
                 return None
         # A pair whose delay ends before the instance does not count: the bus is idle in between.
         pending = delay >= instance - begin
-        found.append(int((delay + frame - (instance - begin))[pending].max()))
+        longest.append(int((delay + frame - (instance - begin))[pending].max()))
         members[clock] = [*higher, m]
-    return found
+    return longest
 
 
 def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
@@ -221,13 +221,13 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
     offsets = [message.offset for message in messages]
     senders = [message.sender for message in messages]
     for sender in sorted({*senders} - {""}):
-        mine = [place for place, name in enumerate(senders) if name == sender]
-        uneven = [messages[place].name for place in mine if periods[place] % grain]
+        members = [index for index, name in enumerate(senders) if name == sender]
+        uneven = [messages[index].name for index in members if periods[index] % grain]
         if uneven:
             raise ArgumentError(
                 f"step is {step:g} s; the period of {uneven[0]!r} is not a multiple of the step"
             )
-        slots = math.lcm(*(int(periods[place]) // grain for place in mine))
+        slots = math.lcm(*(int(periods[index]) // grain for index in members))
         if slots > 10**6:
             raise ArgumentError(
                 f"step is {step:g} s, but {sender!r} repeats after {slots} steps (limit 1000000)"
@@ -235,13 +235,13 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
         # Load around each slot: the frames in it and, with decreasing weight, in the slots near it.
         far = np.minimum(np.arange(slots), slots - np.arange(slots))
         near, load = np.fft.rfft(1 / (1 + far)), np.zeros(slots)
-        for place in sorted(mine, key=lambda k: (periods[k], -length[k])):
-            every = int(periods[place]) // grain
+        for index in sorted(members, key=lambda k: (periods[k], -length[k])):
+            every = int(periods[index]) // grain
             crowd = np.fft.irfft(np.fft.rfft(load) * near, slots).reshape(-1, every).sum(axis=0)
             least = np.flatnonzero(crowd <= crowd.min() + 1e-9 * load.sum())
             slot = int(least[len(least) // 2])
-            load[slot::every] += length[place]
-            offsets[place] = slot * grain / 1e9
+            load[slot::every] += length[index]
+            offsets[index] = slot * grain / 1e9
     return MessageSet(
         replace(message, offset=offset) for message, offset in zip(messages, offsets, strict=True)
     )

@@ -45,21 +45,29 @@ def plot_fields(
     """Draw bits as rows of cells, with the line level above; a field is (name, start, length)."""
     width, ax = _BITS_PER_ROW, style.axes(ax)
     colours = [_COLOURS.get(name, "frame") for name, _, length in fields for _ in range(length)]
-    for place, (bit, colour) in enumerate(zip(bits, colours, strict=True)):
-        row, x = divmod(place, width)
-        own = place in stuffed
+    for index, (bit, colour) in enumerate(zip(bits, colours, strict=True)):
+        row, x = divmod(index, width)
+        is_stuff = index in stuffed
         ax.add_patch(
             Rectangle(
-                (x, -row * _PITCH), 1, 1,
-                facecolor=style.FIELD["pause" if own else colour],
-                edgecolor="0.6", linewidth=0.4, hatch="////" if own else None,
+                (x, -row * _PITCH),
+                1,
+                1,
+                facecolor=style.FIELD["pause" if is_stuff else colour],
+                edgecolor="0.6",
+                linewidth=0.4,
+                hatch="////" if is_stuff else None,
             )
-        )  # fmt: skip
+        )
         ax.text(
-            x + 0.5, 0.47 - row * _PITCH, bit, ha="center", va="center",
+            x + 0.5,
+            0.47 - row * _PITCH,
+            bit,
+            ha="center",
+            va="center",
             family="monospace",
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4} if own else None,
-        )  # fmt: skip
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4} if is_stuff else None,
+        )
     for name, start, length in fields:
         _outline(ax, name, start, length, width)
     rows = -(-len(bits) // width)
@@ -81,22 +89,26 @@ def plot_fields(
 def _outline(ax: Axes, name: str, start: int, length: int, width: int) -> None:
     """Draw an outline around each piece of a field, and label the longest piece."""
     pieces = []
-    place = start
-    while place < start + length:
-        end = min(start + length, (place // width + 1) * width)
-        pieces.append((place, end - place))
-        place = end
-    for place, size in pieces:
-        row, x = divmod(place, width)
+    begin = start
+    while begin < start + length:
+        end = min(start + length, (begin // width + 1) * width)
+        pieces.append((begin, end - begin))
+        begin = end
+    for begin, size in pieces:
+        row, x = divmod(begin, width)
         ax.add_patch(
             Rectangle((x, -row * _PITCH), size, 1, facecolor="none", edgecolor="0.2", linewidth=1.0)
         )
-    place, size = max(pieces, key=lambda piece: piece[1])
-    row, x = divmod(place, width)
+    begin, size = max(pieces, key=lambda piece: piece[1])
+    row, x = divmod(begin, width)
     ax.text(
-        x + size / 2, -0.12 - row * _PITCH, _SHORT.get(name, name), ha="center", va="top",
+        x + size / 2,
+        -0.12 - row * _PITCH,
+        _SHORT.get(name, name),
+        ha="center",
+        va="top",
         rotation=90 if size < _NARROW else 0,
-    )  # fmt: skip
+    )
 
 
 def plot_contest(
@@ -119,10 +131,15 @@ def plot_contest(
         if end == stopped:
             ax.add_patch(
                 Rectangle(
-                    (stopped, row - 0.34), 1, 0.68,
-                    facecolor="none", edgecolor=style.LIMIT["color"], linewidth=2, zorder=3,
+                    (stopped, row - 0.34),
+                    1,
+                    0.68,
+                    facecolor="none",
+                    edgecolor=style.LIMIT["color"],
+                    linewidth=2,
+                    zorder=3,
                 )
-            )  # fmt: skip
+            )
             ax.hlines(row, stopped + 1, last + 1, color="0.5", linestyle=":", linewidth=1.2)
     (winner,) = (stuffed for _, _, stuffed, stopped in senders if stopped is None)
     _bits(ax, bus[: last + 1], winner, rows + 0.35)
@@ -131,7 +148,7 @@ def plot_contest(
     ax.set(
         xlim=(-0.2, total + 0.2),
         ylim=(rows + 0.9, -0.6),
-        xticks=[place + 0.5 for place in range(total)],
+        xticks=[bit + 0.5 for bit in range(total)],
         xticklabels=range(total),
         xlabel="bit on the bus, 0 is the start of frame",
     )
@@ -142,19 +159,30 @@ def plot_contest(
 
 def _bits(ax: Axes, bits: str, stuffed: set[int], row: float) -> None:
     """Draw bits as a row of cells."""
-    for place, bit in enumerate(bits):
-        dominant, own = bit == "0", place in stuffed
+    for index, bit in enumerate(bits):
+        dominant, is_stuff = bit == "0", index in stuffed
+        recessive_colour = "white" if is_stuff else style.FIELD["address"]
         ax.add_patch(
             Rectangle(
-                (place, row - 0.34), 1, 0.68,
-                facecolor="#2b6ca3" if dominant else style.FIELD["address"] if not own else "white",
-                edgecolor="0.75" if dominant and own else "0.5",
-                linewidth=0.6, hatch="////" if own else None,
+                (index, row - 0.34),
+                1,
+                0.68,
+                facecolor="#2b6ca3" if dominant else recessive_colour,
+                edgecolor="0.75" if dominant and is_stuff else "0.5",
+                linewidth=0.6,
+                hatch="////" if is_stuff else None,
             )
-        )  # fmt: skip
+        )
         ax.text(
-            place + 0.5, row, bit, ha="center", va="center", family="monospace",
-            color="white" if dominant else "black", zorder=4,
+            index + 0.5,
+            row,
+            bit,
+            ha="center",
+            va="center",
+            family="monospace",
+            color="white" if dominant else "black",
+            zorder=4,
             bbox={"facecolor": "#2b6ca3" if dominant else "white", "edgecolor": "none", "pad": 0.6}
-            if own else None,
-        )  # fmt: skip
+            if is_stuff
+            else None,
+        )

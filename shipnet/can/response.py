@@ -47,12 +47,15 @@ class Assumptions:
 
     stuffing: Literal["none", "attainable", "worst"] = choice(
         ("none", "attainable", "worst"),
-        "Which stuff bits count, as in `frame_length`", default="worst",
-    )  # fmt: skip
+        "Which stuff bits count, as in `frame_length`",
+        default="worst",
+    )
     intermission: Literal["everywhere", "between"] = choice(
-        ("everywhere", "between"), "Whether the 3 bits of intermission also count after the "
-        "message's own frame, or only between frames", default="everywhere",
-    )  # fmt: skip
+        ("everywhere", "between"),
+        "Whether the 3 bits of intermission also count after the "
+        "message's own frame, or only between frames",
+        default="everywhere",
+    )
     own_jitter: bool = switch(
         "Whether response times start at the event, not when the message is queued", default=True
     )
@@ -71,9 +74,18 @@ Found: TypeAlias = tuple[Sequence[int], Sequence[float], Sequence[int], Sequence
 
 @compiled
 def wait(
-    w: int, m: int, q: int, B: int, C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
-    burst: int, interval: int, E: int,
-) -> int:  # fmt: skip
+    w: int,
+    m: int,
+    q: int,
+    B: int,
+    C: Sequence[int],
+    T: Sequence[int],
+    J: Sequence[int],
+    tau: int,
+    burst: int,
+    interval: int,
+    E: int,
+) -> int:
     """Return how long instance q of message m waits until its frame starts; at least the given w.
 
     B is the blocking, tau the bit time, and E the time that an error costs. C, T and J are the
@@ -92,9 +104,17 @@ def wait(
 
 @compiled
 def instances(
-    t: int, m: int, C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
-    burst: int, interval: int, error: int, most: int,
-) -> tuple[int, int, list[int]]:  # fmt: skip
+    t: int,
+    m: int,
+    C: Sequence[int],
+    T: Sequence[int],
+    J: Sequence[int],
+    tau: int,
+    burst: int,
+    interval: int,
+    error: int,
+    most: int,
+) -> tuple[int, int, list[int]]:
     """Return message m's blocking B, busy period t, and response time R of each instance.
 
     The recurrences for t and w are from Davis, Burns, Bril, Lukkien 2007; the errors, first a burst
@@ -135,9 +155,15 @@ def instances(
 
 @compiled
 def all_instances(
-    C: Sequence[int], T: Sequence[int], J: Sequence[int], tau: int,
-    burst: int, interval: int, error: int, most: int,
-) -> tuple[list[int], list[int], list[int], list[int]]:  # fmt: skip
+    C: Sequence[int],
+    T: Sequence[int],
+    J: Sequence[int],
+    tau: int,
+    burst: int,
+    interval: int,
+    error: int,
+    most: int,
+) -> tuple[list[int], list[int], list[int], list[int]]:
     """Return B and t of each message, the R of all, and where each message's R end."""
     blocking: list[int] = []
     busy: list[int] = []
@@ -187,10 +213,10 @@ def on_bus(
     errors: ErrorBound,
 ) -> Bus:
     """Return a message set at a given bit rate, with its times converted to ticks."""
-    given = check_bit_rate(bit_rate)
-    if given % 1:
+    exact = check_bit_rate(bit_rate)
+    if exact % 1:
         raise ArgumentError(f"bit_rate is {bit_rate!r}; it must be a whole number of bit/s")
-    rate, number, times = int(given), len(messages), messages.times
+    rate, number, times = int(exact), len(messages), messages.times
     assumptions = assumptions or _DAVIS
     length = messages.lengths(assumptions.stuffing)
     never = errors.interval == math.inf
@@ -225,10 +251,18 @@ def on_bus(
         extra = [spared - jitter for spared, jitter in zip(extra, jitters, strict=True)]
     interval = NEVER**2 if never else interval // unit * ticks
     return Bus(
-        steps if fast else 0, second, column(length.astype(np.int64), bit), periods, jitters,
-        deadlines, extra, bit, errors.burst, min(interval, NEVER) if fast else interval,
+        steps if fast else 0,
+        second,
+        column(length.astype(np.int64), bit),
+        periods,
+        jitters,
+        deadlines,
+        extra,
+        bit,
+        errors.burst,
+        min(interval, NEVER) if fast else interval,
         errors.bits * bit,
-    )  # fmt: skip
+    )
 
 
 class ResponseTime(NamedTuple):
@@ -277,8 +311,8 @@ class ResponseTimes(Named[ResponseTime]):
     (0.00216, False, ['A'])
     """
 
-    def __init__(self, messages: MessageSet, bus: Bus, found: Found, bit_rate: float) -> None:
-        self._messages, self._bus, self._found = messages, bus, found
+    def __init__(self, messages: MessageSet, bus: Bus, times: Found, bit_rate: float) -> None:
+        self._messages, self._bus, self._found = messages, bus, times
         self.bit_rate = float(bit_rate)
 
     @cached_property
@@ -286,18 +320,24 @@ class ResponseTimes(Named[ResponseTime]):
         (blocking, busy, R, ends), second = self._found, self._bus.second
         items, first = [], 0
         for message, frame, deadline, extra, B, t, end in zip(
-            self._messages, self._bus.C, self._bus.D, self._bus.extra, blocking, busy, ends,
+            self._messages,
+            self._bus.C,
+            self._bus.D,
+            self._bus.extra,
+            blocking,
+            busy,
+            ends,
             strict=True,
-        ):  # fmt: skip
-            own: Sequence[float] = R[first:end] or [math.inf]
-            longest, first = max(own) + extra, end
+        ):
+            responses: Sequence[float] = R[first:end] or [math.inf]
+            longest, first = max(responses) + extra, end
             items.append(
                 ResponseTime(
                     message,
                     frame / second,
                     B / second,
                     t / second if t >= 0 else math.inf if t < 0 else math.nan,
-                    tuple([(ticks + extra) / second for ticks in own]),
+                    tuple([(ticks + extra) / second for ticks in responses]),
                     longest / second,
                     longest <= deadline,
                 )
@@ -371,12 +411,18 @@ class ResponseTimes(Named[ResponseTime]):
                 ax.plot(response[which], y[which], look, label=f"response, {label}")
         if len(table):
             ax.plot(
-                deadline, y, linestyle="none", marker="|", markersize=14, markeredgewidth=2.5,
-                color=red, label="deadline",
-            )  # fmt: skip
+                deadline,
+                y,
+                linestyle="none",
+                marker="|",
+                markersize=14,
+                markeredgewidth=2.5,
+                color=red,
+                label="deadline",
+            )
             style.legend(ax)
-        for place in y[~finite]:
-            ax.text(right, float(place), "no bound", ha="right", va="bottom")
+        for row in y[~finite]:
+            ax.text(right, float(row), "no bound", ha="right", va="bottom")
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter("{x:g}")
         ax.set(xlim=(left, right), ylim=(len(table) - 0.4, -0.6), xlabel="time [ms]")
@@ -458,16 +504,18 @@ def response_times(
     if offsets and ((faults and faults.burst) or (assumptions and not assumptions.own_jitter)):
         raise ArgumentError("offsets is True; it requires own_jitter and allows no faults")
     bus = on_bus(messages, bit_rate, assumptions, faults or NO_ERRORS)
-    found: Found = all_instances.run(bus.steps, *bus.terms)
+    times: Found = all_instances.run(bus.steps, *bus.terms)
     if offsets:
-        found = _with_offsets(bus, messages, found)
-    return ResponseTimes(messages, bus, found, bit_rate)
+        times = _with_offsets(bus, messages, times)
+    return ResponseTimes(messages, bus, times, bit_rate)
 
 
-def _with_offsets(bus: Bus, messages: MessageSet, found: Found) -> Found:
+def _with_offsets(bus: Bus, messages: MessageSet, without: Found) -> Found:
     """Return the response times, taking account of the offsets between each sender's messages."""
-    given = messages.times[3].tolist()
-    offsets = [time * bus.second // 10**9 % T for time, T in zip(given, bus.T, strict=True)]
+    nanoseconds_of = messages.times[3].tolist()
+    offsets = [
+        time * bus.second // 10**9 % T for time, T in zip(nanoseconds_of, bus.T, strict=True)
+    ]
     rows = (bus.T, bus.C, bus.J, offsets)
     tick = math.gcd(bus.tau, *chain.from_iterable(rows))
     clock = clocks([message.sender for message in messages], list(bus.T))
@@ -480,10 +528,10 @@ def _with_offsets(bus: Bus, messages: MessageSet, found: Found) -> Found:
     except OverflowError:
         ticks = None
     if ticks is None:
-        return found
+        return without
     number = len(messages)
     longest = [value * tick for value in ticks]
-    return found[0], [math.nan] * number, longest, range(1, number + 1)
+    return without[0], [math.nan] * number, longest, range(1, number + 1)
 
 
 class Assignment(NamedTuple):
@@ -557,16 +605,16 @@ def audsley(
     columns: list[MutableSequence[Any]] = [names, bus.C, bus.T, bus.J, bus.D, bus.extra]
     level = len(left) - 1
 
-    def move(place: int, to: int) -> None:
+    def move(index: int, to: int) -> None:
         for column in columns:
-            column.insert(to, column.pop(place))
+            column.insert(to, column.pop(index))
 
     while level >= 0:
-        for place in range(level, -1, -1):
-            move(place, level)
+        for index in range(level, -1, -1):
+            move(index, level)
             if _in_time(bus, level):
                 break
-            move(level, place)
+            move(level, index)
         else:
             break
         level -= 1

@@ -58,9 +58,13 @@ class Segment:
     length: float = number(0.1, 1e4, "m", "Length of the trunk")
     nodes: int = whole(2, 200, "", "Number of nodes, with one at each end of the trunk", default=9)
     terminator: float | None = number(
-        1e-3, 1e9, "ohm", "Terminating resistance at each end; None leaves the ends open",
-        default=120.0, optional=True,
-    )  # fmt: skip
+        1e-3,
+        1e9,
+        "ohm",
+        "Terminating resistance at each end; None leaves the ends open",
+        default=120.0,
+        optional=True,
+    )
     stubs: Mapping[int, float] = field(default_factory=dict)
     cable: Cable = field(default_factory=lambda: Cable.lossless(120, 5e-9))
 
@@ -214,10 +218,15 @@ class Signals:
         for level, name, above in ((DOMINANT, "dominant", True), (RECESSIVE, "recessive", False)):
             ax.axhline(level, lw=1, color=red, linestyle=style.LIMIT["linestyle"])
             ax.annotate(
-                name, (0, level), (3, 2 if above else -2), xycoords=("axes fraction", "data"),
-                textcoords="offset points", color=red, ha="left",
+                name,
+                (0, level),
+                (3, 2 if above else -2),
+                xycoords=("axes fraction", "data"),
+                textcoords="offset points",
+                color=red,
+                ha="left",
                 va="bottom" if above else "top",
-            )  # fmt: skip
+            )
         at, good = self.sample_times * 1e6, self.bits[row] == self.sent
         for chosen, marker, name in ((good, "o", "sample, right"), (~good, "x", "sample, wrong")):
             if chosen.any():
@@ -225,15 +234,17 @@ class Signals:
         for when, bit in zip(at, self.bits[row], strict=True):
             ax.annotate("?" if bit < 0 else str(bit), (when, 1.06 * top), ha="center")
         ax.set(
-            xlabel="time [us]", ylabel="voltage [V]", xlim=(0, self.t[-1] * 1e6),
+            xlabel="time [us]",
+            ylabel="voltage [V]",
+            xlim=(0, self.t[-1] * 1e6),
             ylim=(min(-0.2, 1.1 * float(np.min(self.v[row]))), 1.2 * top),
-        )  # fmt: skip
+        )
         style.legend(ax)
         return ax
 
     def __repr__(self) -> str:
         nodes, wrong = self.segment.nodes, len(self.wrong)
-        said = (
+        outcome = (
             f"{wrong} of {nodes} nodes read wrong bits" if wrong else f"{nodes} nodes read all bits"
         )
-        return f"Signals({len(self.sent)} bits at {self.bit_rate / 1e3:g} kbit/s, {said})"
+        return f"Signals({len(self.sent)} bits at {self.bit_rate / 1e3:g} kbit/s, {outcome})"

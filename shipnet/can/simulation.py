@@ -183,9 +183,15 @@ class Run:
 
         def bars(table: pd.DataFrame, end: str, colour: str, label: str) -> None:
             ax.barh(
-                rows(table), table[end] - table["start_ms"], left=table["start_ms"], height=0.6,
-                color=colour, edgecolor="white", linewidth=0.5, label=label,
-            )  # fmt: skip
+                rows(table),
+                table[end] - table["start_ms"],
+                left=table["start_ms"],
+                height=0.6,
+                color=colour,
+                edgecolor="white",
+                linewidth=0.5,
+                label=label,
+            )
 
         shown = frames[(frames["release_ms"] < high) & (frames["end_ms"].fillna(high) > low)]
         failed = errors[(errors["start_ms"] < high) & (errors["free_ms"] > low)]
@@ -302,16 +308,36 @@ def simulate(
         rate = np.array([fault.rate for fault in random])
         span = np.array([fault.span for fault in random], dtype=np.int64).reshape(-1, 2)
         start, failures, *counters = send_disturbed.run(
-            2 * steps, release, first, columns.length, horizon, columns.owner, columns.bit,
-            PASSIVE, BUS_OFF, np.array([*instants, NEVER]), rate, span, generator,
-        )  # fmt: skip
+            2 * steps,
+            release,
+            first,
+            columns.length,
+            horizon,
+            columns.owner,
+            columns.bit,
+            PASSIVE,
+            BUS_OFF,
+            np.array([*instants, NEVER]),
+            rate,
+            span,
+            generator,
+        )
     else:
         start = send.run(steps, release, first, columns.length, horizon)
         counters = list(np.zeros((2, len(columns.senders)), dtype=np.int64))
     return Run(
-        messages, float(bit_rate), float(until), several, columns, arrival, release, start, first,
-        np.array(failures, dtype=np.int64).reshape(-1, 6), (counters[0], counters[1]),
-    )  # fmt: skip
+        messages,
+        float(bit_rate),
+        float(until),
+        several,
+        columns,
+        arrival,
+        release,
+        start,
+        first,
+        np.array(failures, dtype=np.int64).reshape(-1, 6),
+        (counters[0], counters[1]),
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

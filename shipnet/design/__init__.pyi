@@ -9,6 +9,7 @@ from .iolist import read_iolist as read_iolist
 from .planning import OPTIONS as OPTIONS
 from .plant import Plant as Plant
 from .plant import Saving as Saving
+from .plant import hardwired_conductors as hardwired_conductors
 from .plant import lines_needed as lines_needed
 from .rules import Rule as Rule
 from .rules import RuleSet as RuleSet

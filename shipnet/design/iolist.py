@@ -15,9 +15,8 @@ from shipnet.design.points import PointTable
 from shipnet.design.settings import Given, Settings
 from shipnet.design.words import COLUMNS
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_rng, check_whole
+from shipnet.fields import check_rng
 from shipnet.lazy import Axes
-from shipnet.signals import ASI_PAIR, Saving, hardwired_conductors
 from shipnet.signals import SIGNALS as SIGNALS
 from shipnet.tables import save_table
 
@@ -64,11 +63,6 @@ class IoList(PointTable):
     >>> print(points.compare((0, 0, 0), ["home runs", "CAN"]).best.name)
     home runs
     """
-
-    def saving(self, *, lines: int = 1) -> Saving:
-        """Return the numbers of conductors for individual wiring and for AS-i lines."""
-        count = check_whole("lines", lines, 1, 10**9)
-        return Saving(hardwired_conductors(self.counts), ASI_PAIR * count)
 
     def plan(
         self,

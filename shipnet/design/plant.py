@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from shipnet.design.costs import Rng, conductors_at_cabinet, draw, quantities
+from shipnet.design.costs import Rng, draw, quantities
 from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList
 from shipnet.design.layout import COLUMNS, Site, frame
@@ -19,6 +19,7 @@ from shipnet.design.settings import Settings
 from shipnet.fields import check_whole, choice, number, record, whole
 from shipnet.signals import ASI_PAIR, SIGNALS
 from shipnet.signals import Saving as Saving
+from shipnet.signals import hardwired_conductors as hardwired_conductors
 
 #: Cable to a contact (one pair of 0.75 mm2), and shipboard cable for AS-i.
 _PAIR, _ASI = "MI1P075", "ASI_MARINE"
@@ -101,7 +102,8 @@ class Plant:
     @property
     def saving(self) -> Saving:
         """Conductors at the cabinet, hardwired and on AS-i."""
-        return Saving(conductors_at_cabinet(self.hardwired), conductors_at_cabinet(self.on_asi))
+        each = hardwired_conductors({self.signal: self.contacts})
+        return Saving(self.modules * each, ASI_PAIR * self.lines)
 
     def cost_saving(self, *, rng: Rng = None, draws: int = 10_000) -> pd.DataFrame:
         """Return the fraction of the wiring cost that AS-i saves, for each meaning in `COUNTED`."""

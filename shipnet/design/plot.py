@@ -71,13 +71,13 @@ def _plot_hardwired(
         spread = 0.62 / max(len(points) - 1, 1)
         for place, point in enumerate(points.itertuples()):
             y = -row + 0.31 - place * spread
-            strands = SIGNALS[str(point.signal)].conductors
-            for strand in range(strands):
-                offset = 0.05 * (strand - (strands - 1) / 2)
+            conductors = SIGNALS[str(point.signal)].conductors
+            for conductor in range(conductors):
+                offset = 0.05 * (conductor - (conductors - 1) / 2)
                 ax.plot([1.66, 7.94], [y + offset, y + offset], color="0.25", linewidth=0.9)
             name = str(point.tag).removeprefix(f"{device}-")
             ax.text(
-                7.7, y, f"{name}  {strands} strand{'s' * (strands > 1)}",
+                7.7, y, f"{name}  {conductors} conductor{'s' * (conductors > 1)}",
                 ha="right", va="center", color="0.25",
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
             )  # fmt: skip
@@ -86,8 +86,8 @@ def _plot_hardwired(
         y = -height + 0.45 - 0.12 * place
         ax.plot([1.66, 7.94], [y, y], color="0.25", linewidth=0.9, linestyle="--")
         ax.text(7.8, y + 0.02, f"return of {kind}", ha="right", va="bottom")
-    strands = hardwired_conductors(counts)
-    text = f"hardwired: {strands} strands for {counts.total()} points"
+    conductors = hardwired_conductors(counts)
+    text = f"hardwired: {conductors} conductors for {counts.total()} points"
     return height + 0.1 + 0.12 * len(shared), text
 
 
@@ -107,12 +107,12 @@ def _plot_asi(
         local = hardwired_conductors(Counter(points["signal"]))
         ax.plot([6.36, 7.94], [-row, -row], color="0.25", linewidth=2)
         ax.text(
-            7.15, -row + 0.06, f"{local} short strands",
+            7.15, -row + 0.06, f"{local} short conductors",
             ha="center", va="bottom", color="0.25",
         )  # fmt: skip
-    supply = f"{ASI_PAIR} strands, data and supply"
+    supply = f"{ASI_PAIR} conductors, data and supply"
     ax.text(4.5, 0.45, supply, ha="right", color="#8a6d00")
-    return height + 0.1, f"AS-i: {ASI_PAIR} strands in the trunk for {counts.total()} points"
+    return height + 0.1, f"AS-i: {ASI_PAIR} conductors in the trunk for {counts.total()} points"
 
 
 def plot_ranges(

@@ -143,7 +143,7 @@ def terminals(design: Layout) -> pd.DataFrame:
             if not joined:
                 continue
             here = first[trunk] + number
-            there = [first[drop] + strand for drop, strand in joined]
+            there = [first[drop] + conductor for drop, conductor in joined]
             near[there] = far[here] = near[there[0]]
             used[here] = True
             carries[here] = f"return of {common}" if common else carries[there[0]]

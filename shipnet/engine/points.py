@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable
 from functools import cache
 from os import PathLike
@@ -13,15 +14,18 @@ import numpy.typing as npt
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import check_whole, choice, number, record
+from shipnet.fields import choice, number, record
 from shipnet.lazy import pd
-from shipnet.signals import SIGNALS, Saving
+from shipnet.signals import Saving, hardwired_conductors
 from shipnet.tables import read_sheet
 
 Condition = Literal["RTD", "4-20 mA", "switch"]
 
 #: Inputs of a junction box: a resistance thermometer, a current loop, a contact.
 CONDITIONS: tuple[Condition, ...] = ("RTD", "4-20 mA", "switch")
+
+#: The signal of each condition, which determines its conductors.
+_SIGNAL = {"RTD": "rtd_3wire", "4-20 mA": "current_loop", "switch": "contact"}
 
 #: Columns of a point file; other columns are ignored.
 _COLUMNS = ("tag", "box", "condition", "quantity", "low", "high", "unit", "signal", "alarm",
@@ -120,7 +124,7 @@ class PointList(tuple[Point, ...]):
     JB2   15        1       2        16      18
     JB3   27        0      11        27      38
     all   62       18      19        80      99
-    >>> points.conductors()
+    >>> points.saving
     Saving(hardwired=260, bus=10)
     """
 
@@ -181,30 +185,15 @@ class PointList(tuple[Point, ...]):
         columns = [*CONDITIONS, "analogue", "points"]
         return pd.DataFrame(rows, index=[*self.boxes, "all"], columns=columns)
 
-    def conductors(
-        self,
-        *,
-        rtd: int = SIGNALS["rtd_3wire"].conductors,
-        loop: int = SIGNALS["current_loop"].conductors,
-        switch: int = SIGNALS["contact"].conductors,
-        segments: int = 3,
-        segment_wires: int = 2,
-    ) -> Saving:
-        """Count the conductors of hardwired points, and of the two buses that replace them.
+    @property
+    def saving(self) -> Saving:
+        """Conductors of hardwired points, and of the two buses that replace them.
 
-        `rtd`, `loop` and `switch` are the numbers of conductors per sensor (1..4). CAN has 0..100
-        `segments` of 1..8 wires, and Modbus two channels of two wires. Shields, supplies and spare
-        cores are not counted.
+        CAN has three segments and Modbus two channels, of two conductors each. Shields, supplies
+        and spare cores are not counted.
         """
-        each = {
-            "RTD": check_whole("rtd", rtd, 1, 4),
-            "4-20 mA": check_whole("loop", loop, 1, 4),
-            "switch": check_whole("switch", switch, 1, 4),
-        }
-        can = check_whole("segments", segments, 0, 100)
-        can *= check_whole("segment_wires", segment_wires, 1, 8)
-        modbus = 2 * 2
-        return Saving(sum(each[point.condition] for point in self), can + modbus)
+        wired = hardwired_conductors(Counter(_SIGNAL[point.condition] for point in self))
+        return Saving(wired, (3 + 2) * 2)
 
     def kinds(self) -> list[tuple[int, int]]:
         """Return the index of the first point and the number of points for each kind of input."""

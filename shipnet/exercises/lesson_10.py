@@ -7,7 +7,7 @@ from functools import cache
 from math import inf
 
 from shipnet import datasets
-from shipnet.design.costs import Quantities, conductors_at_cabinet
+from shipnet.design.costs import Quantities
 from shipnet.design.iolist import read_iolist
 from shipnet.design.plant import Plant
 from shipnet.exercises.answers import Function, Number, Words
@@ -25,9 +25,7 @@ _NEAR, _FAR = 10, 30
 
 @cache
 def _left(contacts: int, lines: int) -> float:
-    plant = Plant(contacts, contacts=1, lines=lines)
-    wired, bus = map(conductors_at_cabinet, (plant.hardwired, plant.on_asi))
-    return 100 * bus / wired
+    return 100 * Plant(contacts, contacts=1, lines=lines).saving.left
 
 
 @solution("ex-10-1", "left_percent", contacts=range(120, 401, 20), lines=range(3, 9))

@@ -98,14 +98,22 @@ class Cable(Valued):
     c: Quantity = number(LEAST, MOST_C, "F/m", "Capacitance", many=True)
     g: Quantity = number(0, MOST, "S/m", "Conductance of the insulation", default=0.0, many=True)
     skin: Quantity = number(
-        0, MOST, "Hz",
+        0,
+        MOST,
+        "Hz",
         "Corner frequency above which the skin effect raises `r`; 0 keeps it constant",
-        default=0.0, many=True,
-    )  # fmt: skip
+        default=0.0,
+        many=True,
+    )
     r_dc: Quantity | None = number(
-        0, MOST, "ohm/m", "Resistance of the loop at direct current; `r` if omitted",
-        default=None, optional=True, many=True,
-    )  # fmt: skip
+        0,
+        MOST,
+        "ohm/m",
+        "Resistance of the loop at direct current; `r` if omitted",
+        default=None,
+        optional=True,
+        many=True,
+    )
 
     def __post_init__(self) -> None:
         check_trees("a cable", None, *self.parameters)

@@ -38,20 +38,20 @@ def simulate(network: Network, sources: Mapping[str, tuple[Floats, Floats]], dt:
     injected, beside = np.array([*sources.values()]).swapaxes(0, 1)
     nodes = _Nodes(network, dt)
 
-    own = np.arange(len(ends.node))
+    every = np.arange(len(ends.node))
     starts = np.searchsorted(ends.node, np.arange(len(network.nodes)))
     steady = leak + np.add.reduceat(ends.y, starts)
     block = min(_BLOCK, int(ends.steps.min()))
     depth = int(ends.steps.max()) + 2 + block
     # Waves that left each end; entries for times before 0 are still 0 when they are read.
-    left = np.zeros((depth, len(own)))
+    left = np.zeros((depth, len(every)))
     v = np.zeros((len(network.nodes), injected.shape[1]))
     for begin in range(1, v.shape[1], block):
         now = np.arange(begin, min(begin + block, v.shape[1]))
         slots = (now[:, np.newaxis] - ends.steps) % depth
-        came = left[slots, own]
+        came = left[slots, every]
         if np.any(ends.fraction):
-            came += ends.fraction * (left[slots - 1, own] - came)
+            came += ends.fraction * (left[slots - 1, every] - came)
         into = (1 + ends.h) / 2 * came[:, ends.far] + (1 - ends.h) / 2 * came
         current = np.add.reduceat(into, starts, axis=1)
         current[:, driven] += injected[:, now].T
@@ -119,27 +119,18 @@ class _Nodes:
         conductance, per_henry, capacitance = network.shunts()[..., 0]
         inductive, capacitive = per_henry * dt / 2, capacitance * 2 / dt
         self.conductance = conductance + inductive + capacitive
-        self.inductive = 2 * inductive if inductive.any() else None
-        self.capacitive = 2 * capacitive if capacitive.any() else None
+        self.inductive, self.capacitive = 2 * inductive, 2 * capacitive
         self.flux = np.zeros_like(conductance)
         self.charge = np.zeros_like(conductance)
 
     def advance(self, current: Floats, conductance: Floats) -> Floats:
         """Return the voltages (n_steps, n_nodes); `current` is overwritten with them."""
         inverse = 1 / (conductance + self.conductance)
-        if self.inductive is None and self.capacitive is None:
-            current *= inverse
-            return current
-        work = np.empty_like(self.flux)
         for voltage, factor in zip(current, inverse, strict=True):
             voltage += self.charge
             voltage -= self.flux
             voltage *= factor
             # Trapezoidal rule: each state combines a current and a voltage, and has one recurrence.
-            if self.inductive is not None:
-                np.multiply(self.inductive, voltage, out=work)
-                self.flux += work
-            if self.capacitive is not None:
-                np.multiply(self.capacitive, voltage, out=work)
-                np.subtract(work, self.charge, out=self.charge)
+            self.flux += self.inductive * voltage
+            self.charge = self.capacitive * voltage - self.charge
         return current

@@ -188,7 +188,7 @@ class Network:
         ends: set[tuple[int, int]] = set()
         group = list(range(2 * len(self.runs)))
         trees: int | None = None
-        known: set[int] = set()
+        checked: set[int] = set()
         for number, run in enumerate(self.runs):
             pair = i, j = self._number(run.a), self._number(run.b)
             if pair in ends:
@@ -205,15 +205,15 @@ class Network:
             group[one] = other
             if not isinstance(run.length, float):
                 trees = check_trees(str(run), trees, run.length)
-            if id(run.cable) not in known:
-                known.add(id(run.cable))
+            if id(run.cable) not in checked:
+                checked.add(id(run.cable))
                 trees = check_trees(str(run), trees, *run.made_of.parameters)
         for node, load in self.loads.items():
             check_node(node)
             if not isinstance(load, Load):
                 raise ArgumentError(f"load at node {node!r} is {load!r}; it must be a Load")
-            if id(load) not in known:
-                known.add(id(load))
+            if id(load) not in checked:
+                checked.add(id(load))
                 trees = check_trees(f"load at node {node!r}", trees, *load.parameters)
             self._number(node)
         self._trees = trees
@@ -246,8 +246,8 @@ class Network:
         try:
             return self._index[name]
         except (KeyError, TypeError):
-            known = ", ".join(map(repr, self._index)) or "none yet"
-            raise ArgumentError(f"{what} is {name!r}; the nodes are {known}") from None
+            names = ", ".join(map(repr, self._index)) or "none yet"
+            raise ArgumentError(f"{what} is {name!r}; the nodes are {names}") from None
 
     def shunts(self) -> Floats:
         """Return 1/r [S], 1/l [1/H] and c [F] at each node, shape (3, n_nodes, n_trees or 1)."""
@@ -270,11 +270,11 @@ class Network:
             near[i].append((j, number))
             near[j].append((i, number))
         order, parent, above = [self.index(root, "root")], [-1], [-1]
-        for place, here in enumerate(order):
+        for index, here in enumerate(order):
             for node, number in near[here]:
-                if number not in (above[place], self._ring):
+                if number not in (above[index], self._ring):
                     order.append(node)
-                    parent.append(place)
+                    parent.append(index)
                     above.append(number)
         if len(order) < len(self.nodes):
             reached = set(order)
@@ -362,26 +362,26 @@ class Network:
         length = [float(np.mean(run.length)) for run in self.runs]
         children: list[list[int]] = [[] for _ in range(count)]
         x, reach = [0.0] * count, [0.0] * count
-        for place in range(1, count):
-            children[tree.parent[place]].append(place)
-            x[place] = x[tree.parent[place]] + length[tree.run[place]]
-        for place in range(count - 1, 0, -1):
-            way = reach[place] + length[tree.run[place]]
-            reach[tree.parent[place]] = max(reach[tree.parent[place]], way)
+        for node in range(1, count):
+            children[tree.parent[node]].append(node)
+            x[node] = x[tree.parent[node]] + length[tree.run[node]]
+        for node in range(count - 1, 0, -1):
+            way = reach[node] + length[tree.run[node]]
+            reach[tree.parent[node]] = max(reach[tree.parent[node]], way)
 
         # A node's longest branch stays in its row; others get rows below, so that no lines cross.
         row, lowest, waiting = [0] * count, 0, [(0, 0)]
         while waiting:
-            place, beside = waiting.pop()
+            node, beside = waiting.pop()
             lowest -= beside
-            row[place] = lowest if beside or place == 0 else row[tree.parent[place]]
-            ahead = sorted(children[place], key=lambda child: reach[child] + x[child], reverse=True)
+            row[node] = lowest if beside or node == 0 else row[tree.parent[node]]
+            ahead = sorted(children[node], key=lambda child: reach[child] + x[child], reverse=True)
             waiting += [(child, int(child != ahead[0])) for child in reversed(ahead)]
 
         strokes = []
-        for place in range(1, count):
-            near = tree.parent[place]
-            stroke = [[x[near], x[near], x[place]], [row[near], row[place], row[place]]]
+        for node in range(1, count):
+            near = tree.parent[node]
+            stroke = [[x[near], x[near], x[node]], [row[near], row[node], row[node]]]
             strokes.append(np.array(stroke, dtype=float))
         closing = None
         if self.ring is not None:
@@ -416,12 +416,12 @@ class Network:
 def _drop(tree: Rooted, drawn: Floats, resistance: Floats) -> Floats:
     """Return the voltage drop from the root of a tree to each node [V], in tree order."""
     flow = drawn[tree.order]
-    for place in range(len(flow) - 1, 0, -1):
-        flow[tree.parent[place]] += flow[place]
+    for node in range(len(flow) - 1, 0, -1):
+        flow[tree.parent[node]] += flow[node]
     drop = np.zeros_like(flow)
-    for place in range(1, len(flow)):
-        own = resistance[tree.run[place]] * flow[place]
-        drop[place] = drop[tree.parent[place]] + own
+    for node in range(1, len(flow)):
+        across = resistance[tree.run[node]] * flow[node]
+        drop[node] = drop[tree.parent[node]] + across
     return drop
 
 

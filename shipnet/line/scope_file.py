@@ -19,8 +19,7 @@ from contextlib import contextmanager
 from numbers import Real
 from os import PathLike
 from pathlib import Path
-from struct import unpack
-from typing import IO, Any, Literal, NamedTuple, TypeVar
+from typing import IO, Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -72,10 +71,21 @@ _RATE = re.compile(r"(sampl\w*\s+(rate|frequency|freq)|samplerate|fs)\b")
 #: Prefixes of units. Scopes show neither megavolts nor megaseconds, so case does not matter.
 _PREFIX = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3}
 _BASE = {
-    "s": "s", "sec": "s", "second": "s", "seconds": "s",
-    "v": "V", "volt": "V", "volts": "V",
-    "a": "A", "amp": "A", "ampere": "A", "w": "W", "watt": "W", "hz": "Hz", "db": "dB",
-}  # fmt: skip
+    "s": "s",
+    "sec": "s",
+    "second": "s",
+    "seconds": "s",
+    "v": "V",
+    "volt": "V",
+    "volts": "V",
+    "a": "A",
+    "amp": "A",
+    "ampere": "A",
+    "w": "W",
+    "watt": "W",
+    "hz": "Hz",
+    "db": "dB",
+}
 
 
 class Recording(NamedTuple):
@@ -210,41 +220,16 @@ def _opened(file: str) -> IO[bytes]:
         raise InputError(file, f"cannot be read: {why}") from None
 
 
-def _array(stream: IO[bytes]) -> npt.NDArray[Any]:
-    """Read an array without running code that it may contain."""
-    return np.lib.format.read_array(stream, allow_pickle=False)
-
-
-def _mapped(stream: IO[bytes], begin: int) -> npt.NDArray[Any]:
-    """Return the array that starts at byte `begin` of a file, memory-mapped instead of read."""
-    stream.seek(begin)
-    header = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }[np.lib.format.read_magic(stream)]
-    shape, fortran, dtype = header(stream)
-    order: Literal["F", "C"] = "F" if fortran else "C"
-    return np.memmap(stream, dtype, "r", stream.tell(), shape, order)
-
-
-def _member(archive: zipfile.ZipFile, stream: IO[bytes], name: str) -> npt.NDArray[Any]:
-    """Read an array from an archive, or memory-map it if it is large and not compressed."""
-    entry = archive.getinfo(name)
-    if entry.compress_type == zipfile.ZIP_STORED and entry.file_size > MAPPED:
-        # A header of 30 bytes, the name and the extra field precede the array.
-        stream.seek(entry.header_offset + 26)
-        return _mapped(stream, entry.header_offset + 30 + sum(unpack("<HH", stream.read(4))))
-    with archive.open(name) as part:
-        return _array(part)
-
-
 def _members(
     file: str, stream: IO[bytes], archive: zipfile.ZipFile, names: dict[str, str]
 ) -> dict[str, npt.NDArray[Any]]:
     """Read arrays from an archive; raise InputError if they would unpack to too many numbers."""
     # Check before reading, assuming eight bytes per number; a number may have as few as one.
     _check_size(file, stream, sum(archive.getinfo(name).file_size for name in names.values()) / 8)
-    held = {key: _member(archive, stream, name) for key, name in names.items()}
+    held = {}
+    for key, name in names.items():
+        with archive.open(name) as part:
+            held[key] = np.lib.format.read_array(part, allow_pickle=False)
     _check_size(file, stream, sum(array.size for array in held.values()))
     return held
 
@@ -255,8 +240,8 @@ def read_arrays(path: str | PathLike[str], keys: Iterable[str]) -> dict[str, npt
     with _whole(file) as stream, zipfile.ZipFile(stream) as archive:
         held = {name.removesuffix(".npy") for name in archive.namelist()}
         if missing := [key for key in wanted if key not in held]:
-            known = ", ".join(sorted(held)[:10]) or "nothing"
-            raise InputError(file, f"it has {known}; also expected {', '.join(missing)}")
+            names = ", ".join(sorted(held)[:10]) or "nothing"
+            raise InputError(file, f"it has {names}; also expected {', '.join(missing)}")
         return _members(file, stream, archive, {key: f"{key}.npy" for key in wanted})
 
 
@@ -274,7 +259,10 @@ def _rounding(times: npt.NDArray[Any]) -> float:
 
 
 def _read_npy(file: str, stream: IO[bytes]) -> _Channels:
-    array = _mapped(stream, 0) if _size(stream) > MAPPED else _array(stream)
+    if _size(stream) > MAPPED:
+        array = np.load(file, mmap_mode="r")
+    else:
+        array = np.lib.format.read_array(stream, allow_pickle=False)
     values = _check_real(file, "the array", array)
     if values.ndim == 1:
         one = _columns_of(values[:, np.newaxis])
@@ -360,9 +348,9 @@ def _read_sr(
         titles = _named(about, "analog")
         parts: dict[int, list[tuple[int, str]]] = {}
         for name in names:
-            found = re.fullmatch("analog-1-([0-9]{1,4})-([0-9]{1,9})", name)
-            if found and int(found[1]) in titles:
-                parts.setdefault(int(found[1]), []).append((int(found[2]), name))
+            match = re.fullmatch("analog-1-([0-9]{1,4})-([0-9]{1,9})", name)
+            if match and int(match[1]) in titles:
+                parts.setdefault(int(match[1]), []).append((int(match[2]), name))
         numbers = [number for number in titles if number in parts]
         wanted = (channel or "").strip().lower()
         if logic and "capturefile" in about and wanted not in map(str.lower, titles.values()):
@@ -372,7 +360,7 @@ def _read_sr(
         lengths = set()
         for number in numbers:
             parts[number].sort()
-            if [place for place, _ in parts[number]] != list(range(1, len(parts[number]) + 1)):
+            if [part for part, _ in parts[number]] != list(range(1, len(parts[number]) + 1)):
                 raise InputError(file, f"a part of analog-1-{number} is missing")
             lengths.add(sum(archive.getinfo(name).file_size for _, name in parts[number]) // 4)
     if len(lengths) > 1:
@@ -444,8 +432,8 @@ def _logic_of(
 
 def _named(about: dict[str, str], kind: str) -> dict[int, str]:
     """Return the titles of the channels of one kind, by channel number."""
-    found = {key: re.fullmatch(f"{kind}([0-9]{{1,4}})", key) for key in about}
-    return {int(match[1]): about[key] for key, match in found.items() if match}
+    matches = {key: re.fullmatch(f"{kind}([0-9]{{1,4}})", key) for key in about}
+    return {int(match[1]): about[key] for key, match in matches.items() if match}
 
 
 def _pick(file: str, table: _Channels, channel: str | None) -> tuple[list[int], int | None]:
@@ -462,8 +450,8 @@ def _pick(file: str, table: _Channels, channel: str | None) -> tuple[list[int], 
     name = channel.strip().lower()
     wanted = [k for k in usable if name in (columns[k].title.lower(), str(columns[k].number))]
     if not wanted:
-        known = _titles(table, usable)
-        raise InputError(file, f"no channel {channel!r}; its channels are {known}")
+        channels = _titles(table, usable)
+        raise InputError(file, f"no channel {channel!r}; its channels are {channels}")
     return wanted[:1], time
 
 
@@ -487,15 +475,15 @@ def _edges(
         flips = held.words[1:] ^ held.words[:-1]
         masks = [np.uint64(1 << (table.columns[k].number - 1)) for k in wanted]
         busiest = int(np.argmax([np.count_nonzero(flips & mask) for mask in masks]))
-        own = (flips & masks[busiest]) > 0
+        changed = (flips & masks[busiest]) > 0
         first = int((held.words[0] & masks[busiest]) > 0)
         dt = sample_interval or held.interval
         if dt is None:
             raise _no_times(file)
         title = table.columns[wanted[busiest]].title
-        return Edges(held.places[own] - 0.5, 1.0, first, held.samples, dt, title)
-    found = [_edges_of(file, table, k, time, sample_interval or table.interval) for k in wanted]
-    return max(found, key=lambda one: len(one.places))
+        return Edges(held.places[changed] - 0.5, 1.0, first, held.samples, dt, title)
+    edges = [_edges_of(file, table, k, time, sample_interval or table.interval) for k in wanted]
+    return max(edges, key=lambda one: len(one.places))
 
 
 def _edges_of(
@@ -535,15 +523,15 @@ def _crossings(u: Floats) -> tuple[int, Floats]:
     A change counts once the voltage has left a band of four times the noise on each side of the
     middle; this half-width is limited to 0.1 to 0.3 of the difference between the levels.
     """
-    known = u[~np.isnan(u)]
-    middle = (known.min() + known.max()) / 2
+    volts = u[~np.isnan(u)]
+    middle = (volts.min() + volts.max()) / 2
     for _ in range(20):
-        above = known > middle
-        low, high = known[~above].mean(), known[above].mean()
+        above = volts > middle
+        low, high = volts[~above].mean(), volts[above].mean()
         middle, before = (low + high) / 2, middle
         if abs(middle - before) < 1e-6 * (high - low):
             break
-    noise = 1.4826 * np.median(np.abs(known - np.where(known > middle, high, low)))
+    noise = 1.4826 * np.median(np.abs(volts - np.where(volts > middle, high, low)))
     band = np.clip(4 * noise, 0.1 * (high - low), 0.3 * (high - low))
     state = np.where(u > middle + band, 1, np.where(u < middle - band, 0, -1))
     sure = np.flatnonzero(state >= 0)
@@ -747,10 +735,11 @@ def _layout(tail: list[str]) -> _Layout:
         separator = None if any(len(line.split()) > 1 for line in tail) else ","
     rows = [_split(line, separator) for line in tail]
     patterns = Counter(
-        tuple(place for place, cell in enumerate(row) if _is_number(cell)) for row in reversed(rows)
+        tuple(column for column, cell in enumerate(row) if _is_number(cell))
+        for row in reversed(rows)
     )
     places = next(iter(patterns.most_common(1)), ((), 0))[0]
-    cells = [row[place] for row in rows for place in places if place < len(row)]
+    cells = [row[column] for row in rows for column in places if column < len(row)]
     decimal = "," if separator != "," and any("," in cell for cell in cells) else "."
     return _Layout(separator, places, decimal)
 
@@ -782,13 +771,13 @@ def _header(file: str, data: bytes, layout: _Layout) -> tuple[list[str], int]:
     return lines[:-run], starts[-run]
 
 
-def _value(cells: list[str], place: int, decimal: str) -> float | None:
-    if place >= len(cells) or not _is_number(cells[place]):
+def _value(cells: list[str], column: int, decimal: str) -> float | None:
+    if column >= len(cells) or not _is_number(cells[column]):
         return None
-    if decimal == "." and "," in cells[place]:
+    if decimal == "." and "," in cells[column]:
         return None
     try:
-        return float(cells[place].replace(",", "."))
+        return float(cells[column].replace(",", "."))
     except ValueError:
         return None
 
@@ -798,10 +787,17 @@ def _parse(data: bytes, offset: int, layout: _Layout) -> Floats:
     body = io.BytesIO(data)
     body.seek(offset)
     frame = pd.read_csv(
-        body, sep=layout.separator or r"\s+", header=None, usecols=list(layout.places),
-        dtype=np.float64, decimal=layout.decimal, engine="c", quoting=3, na_filter=False,
+        body,
+        sep=layout.separator or r"\s+",
+        header=None,
+        usecols=list(layout.places),
+        dtype=np.float64,
+        decimal=layout.decimal,
+        engine="c",
+        quoting=3,
+        na_filter=False,
         encoding="latin-1",
-    )  # fmt: skip
+    )
     values = frame.to_numpy()
     if np.isnan(values).any():
         raise ValueError
@@ -817,14 +813,14 @@ def _parse_slowly(file: str, data: bytes, skip: int, layout: _Layout) -> Floats:
         cells = _split(line, layout.separator)
         if not any(cells):
             continue
-        row = [_value(cells, place, layout.decimal) for place in layout.places]
-        for place, value in zip(layout.places, row, strict=True):
+        row = [_value(cells, column, layout.decimal) for column in layout.places]
+        for column, value in zip(layout.places, row, strict=True):
             if value is None and len(faults) == InputError.shown:
                 more += 1
             elif value is None:
-                cell = cells[place] if place < len(cells) else ""
+                cell = cells[column] if column < len(cells) else ""
                 what = f": {cell[:20]!r} is not a number" if cell else " is empty"
-                faults.append(f"row {number}, column {place + 1}{what}")
+                faults.append(f"row {number}, column {column + 1}{what}")
         rows.append([np.nan if value is None else value for value in row])
     if faults:
         raise InputError(file, *faults, more=more)
@@ -834,7 +830,7 @@ def _parse_slowly(file: str, data: bytes, skip: int, layout: _Layout) -> Floats:
 def _digits(lines: list[str], separator: str | None, places: tuple[int, ...]) -> list[int]:
     rows = [_split(line, separator) for line in lines]
     mantissas = [
-        [re.split("[eE]", row[place])[0] for row in rows if place < len(row)] for place in places
+        [re.split("[eE]", row[column])[0] for row in rows if column < len(row)] for column in places
     ]
     return [
         max((len(re.sub("[^0-9]", "", cell).lstrip("0")) for cell in column), default=0)
@@ -856,27 +852,27 @@ def _columns(above: list[list[str]], places: tuple[int, ...], digits: list[int])
     titles = [""] * len(places)
     units: list[tuple[str, float] | None] = [None] * len(places)
     for cells in reversed(above[-8:]):
-        here = [cells[place] if place < len(cells) else "" for place in places]
+        here = [cells[index] if index < len(cells) else "" for index in places]
         if not any(here):
             continue
         # Keysight titles its channels 1 to 4; other numbers are settings of the scope.
         if any(_is_number(cell) and not re.fullmatch("[0-9]{1,2}", cell) for cell in here):
             break
-        found = [_unit(cell) for cell in here]
+        row_units = [_unit(cell) for cell in here]
         # Rigol writes "Sequence" under its counter.
-        unitless = {cell.lower() for cell, unit in zip(here, found, strict=True) if not unit}
-        if any(found) and not any(titles) and not any(units) and unitless <= {"", "sequence"}:
-            units = found
+        unitless = {cell.lower() for cell, unit in zip(here, row_units, strict=True) if not unit}
+        if any(row_units) and not any(titles) and not any(units) and unitless <= {"", "sequence"}:
+            units = row_units
         else:
             titles = here
             break
     columns = []
-    for place, title, unit, count in zip(places, titles, units, digits, strict=True):
+    for index, title, unit, count in zip(places, titles, units, digits, strict=True):
         inside = _UNIT_IN_TITLE.fullmatch(title)
         if unit is None and inside and (unit := _unit(inside[2] or inside[3] or "")):
             title = inside[1]
         name, scale = unit or ("", 1.0)
-        columns.append(Column(place + 1, title.lstrip("# "), name, scale, count))
+        columns.append(Column(index + 1, title.lstrip("# "), name, scale, count))
     return columns
 
 
@@ -885,11 +881,11 @@ def _interval(above: list[list[str]], beside: list[list[str]]) -> float | None:
     header = [*above, *beside]
     for row, cells in enumerate(header):
         below = header[row + 1] if row + 1 < len(header) else []
-        for place, cell in enumerate(cells):
+        for index, cell in enumerate(cells):
             key = cell.lower().lstrip("#; ").replace("_", " ")
             kind = _INTERVAL.match(key) or _RATE.match(key)
             # The value is in the same cell, the next one, or the one below.
-            around = [re.sub("^[^:=]*", "", cell), *cells[place + 1 : place + 2], *below[place:]]
+            around = [re.sub("^[^:=]*", "", cell), *cells[index + 1 : index + 2], *below[index:]]
             for candidate in around[:3] if kind else []:
                 value = _quantity(candidate)
                 if value and kind:
@@ -899,10 +895,10 @@ def _interval(above: list[list[str]], beside: list[list[str]]) -> float | None:
 
 def _quantity(text: str) -> float | None:
     """Read a positive number, with its unit if any: ``4e-09``, ``4.0ns`` or ``CH1:250 MSa/s``."""
-    found = _QUANTITY.fullmatch(text.strip())
-    if not found:
+    match = _QUANTITY.fullmatch(text.strip())
+    if not match:
         return None
-    number, unit = found.groups()
+    number, unit = match.groups()
     prefixed = len(unit) > 1 and unit.lower() not in _BASE
     scale = {**_PREFIX, "K": 1e3, "M": 1e6, "G": 1e9}.get(unit[0], 1.0) if prefixed else 1.0
     value = float(number.replace(",", ".")) * scale

@@ -163,16 +163,16 @@ def transfer(
     unlike = dict(zip(keys, nodes, strict=True))
     loads = {key: _admittance(load, s) for key, load in unlike.items()}
 
-    found = {}
+    voltages = {}
     for order, parent, run in trees:
         v = fold(parent, [lines[kinds[k]] for k in run], [loads[keys[node]] for node in order])
-        found[order[0]] = dict(zip(order, v, strict=True))
-    own = found[trees[0].order[0]]
+        voltages[order[0]] = dict(zip(order, v, strict=True))
+    from_root = voltages[trees[0].order[0]]
     if ring is None:
-        return own
+        return from_root
     closing, a, b = ring
     cable, length = pieces[closing]
-    return close(own, {a: found[a], b: found[b]}, waves[id(cable)], length)
+    return close(from_root, {a: voltages[a], b: voltages[b]}, waves[id(cable)], length)
 
 
 def _admittance(load: Floats, s: Complexes) -> Complexes:

@@ -93,8 +93,8 @@ class Waveform:
 
         `channel` is its title, ignoring case, or the number of its column, counted from 1; the
         default is the first voltage. `sample_interval` [s] overrides that of the file. A ``.npy``
-        or uncompressed ``.npz`` file with more than 2**26 bytes of samples is not copied into
-        memory: do not change the file while its samples are in use. All channels and times of an
+        file of more than 2**26 bytes is not copied into memory: do not change it while its
+        samples are in use. All channels and times of an
         ``.npz`` file, or one channel of an ``.sr`` file, may unpack to at most 2**24 numbers, or 4
         per byte of the file if that is more. Raise InputError if the file cannot be read, has a
         cell that is not a number, uneven times, under 1e6 samples per second, or no such channel.
@@ -169,5 +169,5 @@ def record_of(
 ) -> Floats:
     """Return the waveforms of a Laplace transform from t = 0, without wrap-around."""
     window = ceil(_WINDOW * n_samples)
-    found = spectrum(laplace_grid(window * dt, f_max, _DAMPING))
-    return synthesize(found, window, window * dt, _DAMPING)[..., :n_samples]
+    transform = spectrum(laplace_grid(window * dt, f_max, _DAMPING))
+    return synthesize(transform, window, window * dt, _DAMPING)[..., :n_samples]

@@ -83,26 +83,6 @@ def test_the_bus_has_exactly_the_bits_that_can_decide(frame, last):
 CONTEST = arbitrate([Frame(0x100), Frame(0x101), Frame(0x200)])
 
 
-@pytest.mark.parametrize("upto", [None, 0, 2, 9, 14])
-def test_the_picture_shows_the_bits_sent_up_to_its_last_bit(upto):
-    ax = CONTEST.plot(["a", "b", "c"], Figure().subplots(), upto=upto)
-    last = 14 if upto is None else upto
-    rows = {}
-    for text in ax.texts:
-        x, y = text.get_position()
-        rows[y] = rows.get(y, "") + text.get_text()
-        assert x == len(rows[y]) - 0.5
-    sent = [
-        frame.bits[: min(last, last if stopped is None else stopped) + 1]
-        for frame, stopped in zip(CONTEST.frames, CONTEST.stopped, strict=True)
-    ]
-    assert list(rows.values()) == [*sent, CONTEST.bus[: last + 1]]
-    stops = [patch for patch in ax.patches if patch.get_linewidth() == 2]
-    seen = [stop for stop in CONTEST.stopped if stop is not None and stop <= last]
-    assert sorted(patch.get_x() for patch in stops) == sorted(seen)
-    assert [label.get_text() for label in ax.get_yticklabels()] == ["a", "b", "c", "bus"]
-
-
 def test_the_picture_refuses_names_and_bits_that_do_not_fit():
     with pytest.raises(ArgumentError, match="2 names for 3 frames"):
         CONTEST.plot(["a", "b"], Figure().subplots())

@@ -158,8 +158,10 @@ def test_the_detected_rate_gives_the_same_frames_as_the_stated_rate():
 def test_the_labels_of_the_board_are_not_bus_loads():
     found = {name: read_capture(file) for name, file in BOARD.items()}
     assert {name: len(capture.log) for name, capture in found.items()} == {
-        "25": 14, "75": 107, "extended": 5,
-    }  # fmt: skip
+        "25": 14,
+        "75": 107,
+        "extended": 5,
+    }
     assert all(not capture.log.faults for capture in found.values())
     starts = {name: np.median(np.diff(found[name].table()["start_s"])) for name in ("25", "75")}
     assert starts["25"] / starts["75"] == pytest.approx(8, rel=1e-3)
@@ -287,7 +289,7 @@ def test_the_same_frames_come_from_every_form(save, tmp_path):
             + "".join(f"{u}\n" for u in levels),
             "f.csv",
         ),
-    ]  # fmt: skip
+    ]
     np.savez_compressed(tmp_path / "g.npz", u=levels.astype(bool), dt=1e-6)
     np.savez_compressed(tmp_path / "h.npz", t=times, v=3.3 * levels)
     for file in [*files, tmp_path / "g.npz", tmp_path / "h.npz"]:
@@ -438,12 +440,3 @@ def test_the_log_of_a_capture_is_compared_and_measured(boat):
     assert len(boat.log.messages()) == 9
     # A second capture of the same bus is compared with the first.
     assert set(can.compare(boat.log.messages(), read_capture(SNIPPET).log).table()["frames"]) != {0}
-
-
-def test_the_drawing_has_a_row_per_message_and_one_for_faults(save):
-    frames = some_frames(5, 2)
-    levels = levels_of(frames, 8)[:-700]
-    ax = read_capture(save(session(levels, "1 MHz")), 125e3).plot()
-    labels = [label.get_text() for label in ax.get_yticklabels()]
-    assert labels[-1] == "faults"
-    assert len(ax.collections) == len(labels) - 1 == 4

@@ -20,7 +20,7 @@ from shipnet.can import (
     read_messages,
     response_times,
     simulate,
-)  # fmt: skip
+)
 from shipnet.can.lengths import measure_frames
 from shipnet.errors import ArgumentError, InputError
 
@@ -181,8 +181,8 @@ def test_all_faults_are_reported_in_the_order_of_the_file(tmp_path):
     assert len(read_log(path, keep=True).faults) == 1000
 
 
-def test_lines_are_counted_over_the_blocks_of_a_long_file(tmp_path, monkeypatch):
-    monkeypatch.setattr("shipnet.can.log_files._BLOCK", 100)
+def test_lines_are_counted_and_rows_packed_in_a_long_file(tmp_path, monkeypatch):
+    monkeypatch.setattr("shipnet.can.log_files._ROWS", 7)
     path = tmp_path / "bus.log"
     path.write_text(GOOD * 50 + "\r\n" + GOOD * 50 + "x\n")
     with pytest.raises(InputError, match="line 102: 'x'"):
@@ -493,9 +493,13 @@ def test_identifiers_in_tables_have_all_digits(tmp_path):
     run = simulate(messages, 125e3, until=0.1)
     log, text = run.log(), ["0x02A", "0x09F20001"]
     for table in (
-        messages.table(), run.table(), log.table().head(2), log.load(125e3).table(),
-        compare(messages, log).table(), response_times(messages, 125e3).table(),
-    ):  # fmt: skip
+        messages.table(),
+        run.table(),
+        log.table().head(2),
+        log.load(125e3).table(),
+        compare(messages, log).table(),
+        response_times(messages, 125e3).table(),
+    ):
         assert table["arbitration_id"].tolist() == text
     assert log.messages().names == tuple(text)
     messages.save(tmp_path / "list.csv")
@@ -606,9 +610,13 @@ def mixed_message(can, k):
     """Return message k of a cycle: three classic frames, an error frame and a CAN FD frame."""
     kinds = ({}, {}, {"is_error_frame": True}, {}, {"is_fd": True})
     return can.Message(
-        timestamp=0.1 * (k + 1), arbitration_id=0x100 + k, is_extended_id=False, channel=0,
-        data=bytes(12 if k % 5 == 4 else 0 if k % 5 == 2 else 3), **kinds[k % 5],
-    )  # fmt: skip
+        timestamp=0.1 * (k + 1),
+        arbitration_id=0x100 + k,
+        is_extended_id=False,
+        channel=0,
+        data=bytes(12 if k % 5 == 4 else 0 if k % 5 == 2 else 3),
+        **kinds[k % 5],
+    )
 
 
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".blf"])
@@ -637,11 +645,14 @@ def test_fd_and_error_frames_in_tables_and_printed_logs_are_counted(tmp_path):
     for text, kinds in (
         (f"{SAVVYCAN}1,0123,false,Rx,0,12,{fd}\n", ["CAN FD frame"]),
         (PYTHON_CAN + "1.5,0x0,0,0,1,0,\n", ["error frame"]),
-        ("  can0  20000004   [8]  00 04 00 00 00 00 00 00   ERRORFRAME\n"
-         "\tcontroller-problem{rx-overflow}\n", ["error frame"]),
+        (
+            "  can0  20000004   [8]  00 04 00 00 00 00 00 00   ERRORFRAME\n"
+            "\tcontroller-problem{rx-overflow}\n",
+            ["error frame"],
+        ),
         ("(1.0)  can0  123  [12]  " + "00 " * 12 + "\n", ["CAN FD frame"]),
         (TRC.format("      2       200.000 ER 1 Rx -  2    01 2A"), ["error frame"]),
-    ):  # fmt: skip
+    ):
         assert [kind for _, _, kind in read_log(candump(tmp_path, text)).skipped] == kinds
 
 

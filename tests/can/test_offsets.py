@@ -19,12 +19,17 @@ def random_set(rng, *, periods=(600, 1200, 2400), senders=3, jitter=0.0, most=12
     every *= max(1, math.ceil((bits / every).sum() / rng.uniform(0.3, 0.95)))
     return can.MessageSet(
         can.Message(
-            f"m{k}", k, 8, int(every[k]) * US, offset=int(rng.integers(every[k])) * US,
-            jitter=int(every[k] * jitter * rng.random()) * US, bits=int(bits[k]),
+            f"m{k}",
+            k,
+            8,
+            int(every[k]) * US,
+            offset=int(rng.integers(every[k])) * US,
+            jitter=int(every[k] * jitter * rng.random()) * US,
+            bits=int(bits[k]),
             sender=f"s{rng.integers(senders)}",
         )
         for k in range(n)
-    )  # fmt: skip
+    )
 
 
 def responses(messages, **more):
@@ -81,10 +86,18 @@ def test_a_bound_with_offsets_is_one_instance_without_a_busy_period(offset):
     # The second message is due this many bits after the first, and waits for a frame of 150 bits.
     for deadline, met in ((250, True), (249.999, False)):
         messages = can.MessageSet(
-            can.Message(f"m{k}", k, 8, 1000 * US, deadline=deadline * US, offset=k * offset * US,
-                        sender="s", bits=100)
+            can.Message(
+                f"m{k}",
+                k,
+                8,
+                1000 * US,
+                deadline=deadline * US,
+                offset=k * offset * US,
+                sender="s",
+                bits=100,
+            )
             for k in range(2)
-        )  # fmt: skip
+        )
         messages = can.MessageSet([*messages, can.Message("last", 9, 8, 1.0, bits=150)])
         found = can.response_times(messages, FAST, offsets=True)["m1"]
         assert math.isnan(found.busy_period)
@@ -218,10 +231,11 @@ def spread_slowly(messages):
 def test_offsets_equal_those_of_loops_and_stay_without_a_sender(case):
     rng = np.random.default_rng(case)
     mine = [
-        can.Message(f"m{k}", k, int(rng.integers(9)), float(rng.choice([5, 10, 15, 20])) / 1e3,
-                    sender="s")
+        can.Message(
+            f"m{k}", k, int(rng.integers(9)), float(rng.choice([5, 10, 15, 20])) / 1e3, sender="s"
+        )
         for k in rng.permutation(7).tolist()
-    ]  # fmt: skip
+    ]
     alone = can.Message("alone", 99, 8, 0.01, offset=1.5e-3)
     found = can.spread_offsets(can.MessageSet([*mine, alone]))
     assert found["alone"] == alone

@@ -2,7 +2,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from shipnet.can import Segment
 from shipnet.errors import ArgumentError
@@ -94,18 +93,6 @@ def test_the_table_has_a_row_per_node():
     assert table["read"].eq("00000000").all()
     assert table["wrong"].eq(4).all()
     assert (table["most_recessive_V"] > 0.9).all()
-
-
-def test_the_figure_marks_bits_read_wrong():
-    run = Segment(40, terminator=None).send({1: PATTERN}, 1e6)
-    ax = run.plot(9, Figure().subplots())
-    lines = {line.get_label(): line for line in ax.get_lines()}
-    wrong = lines["sample, wrong"]
-    assert wrong.get_xdata().tolist() == (run.sample_times[[1, 4, 5, 7]] * 1e6).tolist()
-    assert len(lines["sample, right"].get_xdata()) == 4
-    assert [text.get_text() for text in ax.texts[2:]] == list("00000000")
-    with pytest.raises(ArgumentError, match=r"node is 0; it must be a whole number 1\.\.9"):
-        run.plot(0, Figure().subplots())
 
 
 @pytest.mark.parametrize(

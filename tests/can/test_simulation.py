@@ -20,12 +20,16 @@ def as_set(columns):
         table["name"] = [f"{number:#05x}" for number in table["arbitration_id"]]
     return MessageSet(
         Message(
-            row.pop("name"), int(row.pop("arbitration_id")), int(row.pop("dlc", 8)),
-            **{field.removesuffix("_ms"): value / 1e3 if field.endswith("_ms") else value
-               for field, value in row.items()},
+            row.pop("name"),
+            int(row.pop("arbitration_id")),
+            int(row.pop("dlc", 8)),
+            **{
+                field.removesuffix("_ms"): value / 1e3 if field.endswith("_ms") else value
+                for field, value in row.items()
+            },
         )
         for row in table.to_dict("records")
-    )  # fmt: skip
+    )
 
 
 def run_of(columns, until, faults=(), **more):
@@ -43,9 +47,15 @@ def table(**columns):
 @st.composite
 def message_sets(draw, jitter=False):
     number = draw(st.integers(1, 5))
-    several = [st.lists(values, min_size=number, max_size=number) for values in (
-        st.integers(47, 160), st.integers(60, 900), st.integers(0, 900), st.integers(0, 300)
-    )]  # fmt: skip
+    several = [
+        st.lists(values, min_size=number, max_size=number)
+        for values in (
+            st.integers(47, 160),
+            st.integers(60, 900),
+            st.integers(0, 900),
+            st.integers(0, 300),
+        )
+    ]
     bits, period, offset, delay = map(draw, several)
     ids = draw(st.lists(st.integers(0, 2047), min_size=number, max_size=number, unique=True))
     return pd.DataFrame(
@@ -210,8 +220,11 @@ def every_attempt(count):
 
 def test_counters_states_and_suspension_follow_the_standard():
     messages = {
-        "arbitration_id": [1, 2], "bits": 100, "period_ms": [100, 100], "sender": ["a", "b"]
-    }  # fmt: skip
+        "arbitration_id": [1, 2],
+        "bits": 100,
+        "period_ms": [100, 100],
+        "sender": ["a", "b"],
+    }
     run = run_of(messages, 0.1, hits(every_attempt(16)))
     assert run.errors()["tec"].tolist() == list(range(8, 129, 8))
     assert run.errors()["state"].tolist() == 15 * ["error active"] + ["error passive"]
@@ -452,20 +465,8 @@ def test_offsets_that_do_not_fit_are_refused(offsets, message):
         simulate_batch(as_set(table()), RATE, offsets=offsets, until=0.1)
 
 
-def test_the_gantt_chart_shows_frames_waits_and_errors():
-    messages = table(period_ms=[1.5, 2.0, 2.0], name=["a", "b", "c"])
-    run = run_of(messages, 0.02, ErrorAt(0.5e-3))
-    ax = run.plot(0, 0.01, Figure().subplots())
-    assert [label.get_text() for label in ax.get_yticklabels()] == ["a", "b", "c"]
-    frames, errors = ax.containers
-    shown = run.events().query("outcome == 'sent' and release_ms < 10")
-    assert [bar.get_x() for bar in frames] == shown["start_ms"].tolist()
-    assert [bar.get_width() for bar in errors] == [run.errors()["free_ms"][0]]
-    labels = {text.get_text() for text in ax.get_legend().get_texts()}
-    assert labels == {"frame", "error", "waiting"}
-    assert ax.get_xlabel() == "time [ms]"
-    (waits,) = ax.collections
-    assert len(waits.get_segments()) == len(run.events().query("release_ms < 10"))
+def test_a_figure_of_no_time_is_refused():
+    run = run_of(table(), 0.02)
     with pytest.raises(ArgumentError, match=r"start is 1 s; it must be before stop, 0\.5 s"):
         run.plot(1, 0.5, Figure().subplots())
 

@@ -138,10 +138,10 @@ def changed(points):
     return replace(VALVES, points=points.reset_index(drop=True))
 
 
-def test_hardwired_draws_each_strand(ax):
+def test_hardwired_draws_each_conductor(ax):
     VALVES.plot("home runs", ax)
     assert len(ax.lines) == 32
-    assert "hardwired: 32 strands for 16 points" in texts(ax)
+    assert "hardwired: 32 conductors for 16 points" in texts(ax)
     assert {"BV-01", "BV-02", "BV-03", "BV-04"} <= set(texts(ax))
 
 
@@ -150,7 +150,7 @@ def test_asi_draws_one_module_per_device(ax):
     assert [text for text in texts(ax) if text.startswith("slave")] == [
         f"slave {n}" for n in (1, 2, 3, 4)
     ]
-    assert "AS-i: 2 strands in the trunk for 16 points" in texts(ax)
+    assert "AS-i: 2 conductors in the trunk for 16 points" in texts(ax)
 
 
 def test_one_device_and_other_signals_can_be_drawn(ax):
@@ -158,7 +158,7 @@ def test_one_device_and_other_signals_can_be_drawn(ax):
     one.plot(ax=ax)
     assert len(ax.lines) == 3
     one.plot("AS-i", ax)
-    assert "3 short strands" in texts(ax)
+    assert "3 short conductors" in texts(ax)
 
 
 def test_a_common_return_is_drawn_too(ax):
@@ -166,8 +166,8 @@ def test_a_common_return_is_drawn_too(ax):
         ax=ax
     )
     assert len(ax.lines) == 5
-    assert "hardwired: 5 strands for 4 points" in texts(ax)
-    assert "ZSO  1 strand" in texts(ax)
+    assert "hardwired: 5 conductors for 4 points" in texts(ax)
+    assert "ZSO  1 conductor" in texts(ax)
 
 
 def test_an_iolist_without_devices_is_refused(ax):

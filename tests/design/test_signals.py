@@ -39,6 +39,8 @@ def test_lines_at_their_limits():
     [
         lambda: lines_needed(1, slaves_per_line=63),
         lambda: Saving(0, 2),
+        lambda: hardwired_conductors({"lamp": 1}),
+        lambda: hardwired_conductors({"contact": -1}),
     ],
 )
 def test_bad_counts(call):

@@ -51,11 +51,8 @@ def test_a_list_of_points_is_a_tuple_with_a_table():
 
 def test_conductors_are_counted_sensor_by_sensor():
     points = read_points()
-    assert points.conductors().hardwired == 62 * 3 + 18 * 2 + 19 * 2
-    assert points.conductors().left == pytest.approx(10 / 260)
-    assert points.conductors(rtd=4, loop=3, switch=1).hardwired == 62 * 4 + 18 * 3 + 19
-    assert points.conductors(segments=2, segment_wires=3).bus == 10
-    assert points.conductors(segments=0).bus == 4
+    assert points.saving.hardwired == 62 * 3 + 18 * 2 + 19 * 2
+    assert points.saving.left == pytest.approx(10 / 260)
 
 
 @pytest.mark.parametrize(
@@ -85,9 +82,6 @@ def test_wrong_lists_of_points_are_refused():
     for bad, message in ((3, "sequence"), ([1], "class Point"), ([point, point], "same tag")):
         with pytest.raises(ArgumentError, match=message):
             PointList(bad)
-    for name, value in (("rtd", 0), ("loop", 2.5), ("segments", 101), ("segment_wires", 9)):
-        with pytest.raises(ArgumentError, match=name):
-            PointList([point]).conductors(**{name: value})
 
 
 def test_every_fault_of_a_file_is_named_at_once(tmp_path):

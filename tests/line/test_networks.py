@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError
 from shipnet.line import CABLES, Cable, CableRun, Load, Network, Waveform
@@ -216,8 +215,10 @@ def test_a_tree_can_be_folded_with_plain_numbers():
     # Two lines of a quarter wave and 100 ohm at the root, each with 50 ohm at its end.
     quarter = -1j, 0, 100, 0.01
     assert Network.fold([-1, 0, 0], [None, quarter, quarter], [0, 1 / 50, 1 / 50]) == [
-        pytest.approx(100), pytest.approx(-50j), pytest.approx(-50j)
-    ]  # fmt: skip
+        pytest.approx(100),
+        pytest.approx(-50j),
+        pytest.approx(-50j),
+    ]
 
 
 TREES = 7
@@ -304,9 +305,7 @@ def test_a_ring_drops_a_quarter_of_what_a_line_does():
     assert set(closed.operating_point("n0", 30, {}).values()) == {30.0}
 
 
-@given(
-    st.sampled_from([-30.0, 30.0]), st.floats(0, 60), st.booleans(), st.floats(1, 200),
-)  # fmt: skip
+@given(st.sampled_from([-30.0, 30.0]), st.floats(0, 60), st.booleans(), st.floats(1, 200))
 def test_currents_that_cannot_flow_have_no_operating_point(supply, draw, closed, metres):
     network = Net()
     network.line("supply", "far", metres, CABLE)
@@ -462,26 +461,6 @@ def test_the_nominal_cables_differ_in_resistance_only():
         assert (cable.l, cable.c) == (CABLE.l, CABLE.c)
         assert cable.resistance * 100 == pytest.approx(dc)
         assert cable.r / cable.resistance == pytest.approx(0.06 / 0.027, rel=0.02)
-
-
-def test_a_network_is_drawn_to_scale():
-    network = ring()
-    network.line("q", "stub", 10, CABLE)
-    network.load("stub", **DEVICE)
-    ax = Figure().subplots()
-    assert network.plot(ax) is ax
-    assert {text.get_text() for text in ax.texts} == set(network.nodes)
-    assert max(max(line.get_xdata()) for line in ax.lines) == 90
-    assert [line.get_linestyle() for line in ax.lines].count("--") == 1
-    assert ax.get_xlabel() == "distance along the cable [m]"
-
-
-def test_a_waveform_is_drawn_in_microseconds():
-    ax = Figure().subplots()
-    assert Waveform([0, 2.5], 1e-6, names=("far",)).plot(ax) is ax
-    (line,) = ax.lines
-    assert (line.get_xdata().tolist(), line.get_label()) == ([0, 1], "far")
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time [us]", "voltage [V]")
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz"])

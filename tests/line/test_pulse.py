@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError
 from shipnet.line import CABLES, Cable
@@ -57,14 +56,6 @@ def test_a_pulse_needs_a_single_cable():
     for many in ({"r": [0.06, 0.07]}, {"g": [1e-6, 2e-6]}, {"l": [0.6e-6, 0.7e-6]}):
         with pytest.raises(ArgumentError, match="a single cable"):
             Cable(**{"r": 0.06, "l": 0.65e-6, "c": 65e-12, **many}).pulse()
-
-
-def test_a_step_is_drawn_with_what_was_reached_before():
-    pulse = LOSSLESS.pulse(100, n_steps=5)
-    ax = pulse.plot(Figure().subplots(), step=2)
-    np.testing.assert_array_equal(ax.lines[0].get_ydata(), pulse.u[2])
-    assert ax.texts[0].get_text() == "650 ns"
-    assert ax.get_xlabel() == "position [m]"
 
 
 def test_the_nominal_cable_takes_a_quarter_of_a_decibel_on_100_m():

@@ -73,7 +73,7 @@ SYNTHETIC = {
     "blank_lines": "Time,CH1\n\n" + rows("{t:.8f},{v:.3f}", end="\n\n") + ",,\n",
     "typographic_minus": "Time;CH1\n" + rows("{t:.8f};{v:.3f}").replace("-", "\u2212"),
     "old_mac": "Time,CH1\r" + rows("{t:.8f},{v:.3f}", end="\r"),
-}  # fmt: skip
+}
 
 
 @pytest.fixture

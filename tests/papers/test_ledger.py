@@ -226,7 +226,7 @@ def test_the_perturbation_finds_a_typed_constant():
     with pytest.raises(AssertionError, match="moves nothing"):
         _guard(lambda *, slaves=62: 496)
     with pytest.raises(AssertionError, match="handed back"):
-        _guard(lambda *, strands=496: strands)
+        _guard(lambda *, conductors=496: conductors)
     with pytest.raises(AssertionError, match="shifted, not computed with"):
         _guard(lambda *, slaves=61: slaves + 1)
     with pytest.raises(AssertionError, match="typed, not computed"):
@@ -412,7 +412,7 @@ def test_numbers_that_no_paper_prints():
 
 def test_evidence_is_the_function_unless_the_claim_names_more():
     evidence = table().set_index("id")["evidence"]
-    assert evidence["kim2023-004"] == "shipnet.papers.kim2023.protocol.strands_left"
+    assert evidence["kim2023-004"] == "shipnet.papers.kim2023.protocol.conductors_left"
     assert evidence["kim2023-027"] == "shipnet.papers.kim2023.protocol"
     assert evidence["kim2023-074"] == "kim2023-072; kim2023-073"
     assert evidence["kim2014-015"] == ""

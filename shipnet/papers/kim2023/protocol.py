@@ -1,4 +1,4 @@
-"""Sections 3.3 to 3.6, Tables 4 to 7: telegrams, calls, strands, addresses, times."""
+"""Sections 3.3 to 3.6, Tables 4 to 7: telegrams, calls, conductors, addresses, times."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ from shipnet.asi.simulation import Standby, simulate
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import Call, Half, Request, Response, frame
 from shipnet.asi.timing import BIT_TIME, Cycle, Transaction, exchanges
-from shipnet.design.costs import conductors_at_cabinet
 from shipnet.design.plant import Plant, lines_needed
 from shipnet.fields import check_choice
 from shipnet.lazy import Axes
@@ -235,7 +234,7 @@ def differences(item: str) -> pd.DataFrame:
     return cells.merge(reasons, on=["table", "row", "column"], how="left")
 
 
-# Sections 3.3, 3.5 and 3.6: how many slaves, strands and points.
+# Sections 3.3, 3.5 and 3.6: how many slaves, conductors and points.
 
 
 @numeric("kim2023-001", "icn2007-010", halves=("A", "B"))
@@ -250,28 +249,28 @@ def slaves_per_master(*, halves: tuple[Half | None, ...]) -> int:
 
 
 # The 300 m example has modules with four digital inputs. For the submarine, one contact per slave
-# gives the printed number of strands.
+# gives the printed number of conductors.
 
 
 @numeric("kim2023-002", slaves=62, inputs=4)
 @numeric("kim2023-072", slaves=190, inputs=1)
-def hardwired_strands(*, slaves: int, inputs: int) -> int:
-    """Strands without a bus: two wires per input contact of each module."""
-    return conductors_at_cabinet(Plant(slaves, inputs).hardwired)
+def hardwired_conductors(*, slaves: int, inputs: int) -> int:
+    """Conductors without a bus: two per input contact of each module."""
+    return Plant(slaves, inputs).saving.hardwired
 
 
 @numeric("kim2023-003", lines=1)
 @numeric("kim2023-073", lines=14)
-def asi_strands(*, lines: int) -> int:
-    """Strands with AS-i: two wires per line; each line has one master."""
-    return conductors_at_cabinet(Plant(62, 4, lines=lines).on_asi)
+def asi_conductors(*, lines: int) -> int:
+    """Conductors with AS-i: two per line; each line has one master."""
+    return Plant(62, 4, lines=lines).saving.bus
 
 
 @numeric("kim2023-004", slaves=62, inputs=4, lines=1)
 @numeric("kim2023-074", slaves=190, inputs=1, lines=14)
-def strands_left(*, slaves: int, inputs: int, lines: int) -> float:
-    """Strands with AS-i, as a percentage of those with hardwiring."""
-    return 100 * asi_strands(lines=lines) / hardwired_strands(slaves=slaves, inputs=inputs)
+def conductors_left(*, slaves: int, inputs: int, lines: int) -> float:
+    """Conductors with AS-i, as a percentage of those with hardwiring."""
+    return 100 * Plant(slaves, inputs, lines=lines).saving.left
 
 
 @numeric("kim2023-005")

@@ -147,23 +147,23 @@ def converter_kinds(*, analogue_only: bool = False) -> int:
 
 
 @numeric("lee2012-019")
-def hardwired_conductors(*, rtd: int = 3, loop: int = 2, switch: int = 2) -> int:
+def hardwired_conductors() -> int:
     """Conductors from the boxes to the AMS if every sensor is wired separately."""
-    return read_points().conductors(rtd=rtd, loop=loop, switch=switch).hardwired
+    return read_points().saving.hardwired
 
 
-@check("lee2012-065", counter={"segments": 100, "segment_wires": 8})
-def buses_need_less(*, segments: int = 3, segment_wires: int = 2) -> bool:
+@check("lee2012-065", counter={"wired": 9})
+def buses_need_less(*, wired: int = 0) -> bool:
     """Whether the two buses need fewer conductors than separately wired sensors."""
-    found = read_points().conductors(segments=segments, segment_wires=segment_wires)
-    return found.bus < found.hardwired
+    saving = read_points().saving
+    return saving.bus < (wired or saving.hardwired)
 
 
 def conductors_by_cylinders(cylinders: range = range(4, 9)) -> list[int]:
     """Return the conductors of a hardwired engine for each number of cylinders."""
     points = read_points()
     return [
-        PointList(p for p in points if p.cylinder is None or p.cylinder <= n).conductors().hardwired
+        PointList(p for p in points if p.cylinder is None or p.cylinder <= n).saving.hardwired
         for n in cylinders
     ]
 
