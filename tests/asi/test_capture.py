@@ -576,7 +576,7 @@ def test_the_bits_in_a_file_survive_pandas(tmp_path, suffix):
 @pytest.mark.parametrize("up", [2, 4])
 def test_the_low_pass_is_that_of_scipy(up):
     expected = up * firwin(16 * up + 1, 1 / up, window=("kaiser", 5.65))
-    assert bursts._lowpass(1, up, 1) == pytest.approx(expected, abs=1e-7)
+    assert bursts._lowpass(up, 1) == pytest.approx(expected, abs=1e-7)
 
 
 @pytest.mark.parametrize("kind", [np.float64, np.float32, np.int16, ">f8"])

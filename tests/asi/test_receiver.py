@@ -10,7 +10,6 @@ from hypothesis.extra import numpy as hnp
 from scipy import signal
 
 from shipnet.asi.batch import NONE
-from shipnet.asi.bursts import filtered
 from shipnet.asi.modulation import CLASSES, HALF_BIT, SEND_CURRENT, Modulation, Pulses, ramp
 from shipnet.asi.receiver import matched_filter, receive
 from shipnet.errors import ArgumentError, FrameError, SilenceError, name_of
@@ -374,24 +373,6 @@ def test_the_filter_keeps_a_pulse_and_removes_dc(dt):
     shape = np.cos(np.pi * np.arange(-half, half + 1) * dt / HALF_BIT) ** 2
     expected = np.convolve(u - u.mean(), shape * 8 / 3 * dt / HALF_BIT, mode="same")
     assert matched_filter(u, dt) == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize("size", [0, 1, 2, 5, 31, 300])
-@pytest.mark.parametrize("taps", [1, 7, 31])
-@pytest.mark.parametrize(("up", "down"), [(1, 1), (1, 2), (1, 5), (2, 1), (4, 1)])
-@pytest.mark.parametrize(("kind", "error"), [(np.float32, 1e-5), (np.float64, 1e-13)])
-def test_products_of_blocks_filter_as_the_plain_sum_does(size, taps, up, down, kind, error):
-    rng = np.random.default_rng(size)
-    x, kernel = (rng.normal(size=n).astype(kind) for n in (size, taps))
-    outputs = size * up // down + 3
-    expected = np.zeros(outputs)
-    for i in range(outputs):
-        for k in range(size):
-            if 0 <= up * k - down * i < taps:
-                expected[i] += kernel[up * k - down * i] * x[k]
-    found = filtered(kernel, x, outputs, up, down)
-    assert found.dtype == kind
-    assert found == pytest.approx(expected, abs=error)
 
 
 def test_the_filter_accepts_records_shorter_than_itself():
