@@ -117,26 +117,26 @@ def pieces(
 
 def resample(u: Floats, sampling: Sampling) -> Singles:
     """Resample a voltage after subtracting its median."""
-    from scipy.signal import upfirdn
-
     # Filtering 30 V in single precision would lose small signals, so subtract the offset first.
     offset = _middle(u, 512)
     _, mean, up, down = sampling
     v = np.subtract(u[: len(u) // mean * mean], offset, dtype=np.float32, casting="same_kind")
     if np.isnan(v).any():
         np.nan_to_num(v, copy=False, nan=_middle(u, 4096) - offset)
-    v = v.reshape(-1, mean).mean(axis=1)
+    v = np.asarray(v.reshape(-1, mean).mean(axis=1))
     if not len(v):
         return v
     # Pad each end with the median of the samples near it, because a step would look like a pulse.
     taps = _lowpass(up, down)
-    half, near = len(taps) // 2, max(1, round(30e-6 / (sampling.dt * mean)))
-    reach = half // up
+    reach, near = len(taps) // 2 // up, max(1, round(30e-6 / (sampling.dt * mean)))
     ends = (reach, reach + down)
     padded = np.pad(v, ends, constant_values=(np.median(v[:near]), np.median(v[-near:])))
-    first = (half + up * reach) // down
-    y = upfirdn(taps, padded, up, down)[first : first + len(v) * up // down]
-    return np.asarray(y, np.float32)
+    # Insert zeros to raise the rate, filter, and keep every sample that the lower rate needs.
+    spread = np.zeros(len(padded) * up, np.float32)
+    spread[::up] = padded
+    around = np.lib.stride_tricks.sliding_window_view(spread, len(taps))
+    resampled: Singles = around[::down][: len(v) * up // down] @ taps
+    return resampled
 
 
 def _middle(u: npt.NDArray[Any], looks: int) -> float:
@@ -154,7 +154,7 @@ def _lowpass(up: int, down: int) -> Singles:
     half = 8 * up if up > 1 else 3 * down if down > 1 else 0
     k = np.arange(-half, half + 1)
     taps = np.sinc(k / max(up, down)) * np.kaiser(len(k), 5.65)
-    return (up * taps / taps.sum()).astype(np.float32)
+    return np.asarray(up * taps / taps.sum(), np.float32)
 
 
 def _flatten(x: Singles, step: float) -> None:
