@@ -69,11 +69,8 @@ def test_every_telegram_is_decoded_from_its_pulses(words):
     assert (bits == words).all()
     assert not error.any()
     assert not Pulses(slots_of(words)).violations.any()
-
-
-def test_the_scalar_code_reads_every_telegram_too():
-    for word in [*RESPONSES, *REQUESTS]:
-        assert Pulses(slots_of(word)).decode() == "".join(map(str, word))
+    one = Pulses(slots_of(words[-1]))
+    assert (one.broken, one.error, one.count) == ((), "ok", np.count_nonzero(one))
 
 
 def test_no_other_row_of_pulses_is_a_response():
@@ -125,6 +122,7 @@ def test_every_error_class_is_recognised(name):
     slots = ["-0+".index(sign) - 1 for sign in row]
     kind = CLASSES[name]
     assert Pulses(slots).check()[1] == kind.code
+    assert (Pulses(slots).broken[0], Pulses(slots).error) == (name, kind.__name__)
     fails = Pulses(slots).violations
     assert list(CLASSES)[fails.argmax()] == name
     with pytest.raises(kind, match=re.escape(message)):
@@ -183,7 +181,7 @@ def test_checks_keep_leading_axes():
     ("slots", "message"),
     [
         ([0] * 15, "there are 15 half-bits; a response has 14 and a request 28, plus two"),
-        ([0.0] * 16, "they must be -1, 0 or"),
+        *((wrong, "they must be -1, 0 or") for wrong in ([0.0] * 16, "0-x", "", 1.5)),
         ([2] + [0] * 15, "they must be -1, 0 or"),
         (np.full(16, -128, dtype=np.int8), "they must be -1, 0 or"),
     ],

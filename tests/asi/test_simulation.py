@@ -716,6 +716,7 @@ def test_bad_arguments_are_refused(options, message):
         (lambda: SupplyDip(start=1.0), "stop is inf s"),
         (lambda: Standby(Master()), "no projected slaves"),
         (lambda: Standby(Master(PROJECTED), 1e-4), "silence is 0.0001 s"),
+        (lambda: Master("PLC"), r"projected is 'PLC'; .* \{'1': .*node='PLC'"),
         (lambda: Master({"1A": "S-7.F"}), "slave 1A is projected as S-7.F"),
         (lambda: Master({"0": "S-7.F"}), "slave 0 is projected"),
         (lambda: Master(repetitions=8), "repetitions is 8"),
