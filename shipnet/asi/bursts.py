@@ -340,13 +340,13 @@ def find_telegrams(u: Floats, dt: float, threshold: float) -> Found:
         bursts = find_bursts(piece, minimum)
         first = piece.start + bursts.first * piece.step
         last = piece.start + bursts.last * piece.step
-        own = (first >= piece.begin) & (first < piece.end)
+        inside = (first >= piece.begin) & (first < piece.end)
         cut_front = _distance(first, begins, "right") < _NEAR
         cut_back = -_distance(last, ends, "left") < _NEAR
         whole = bursts.pulses >= np.where(cut_front | cut_back, 2, _FEWEST_PULSES)
-        disturbances += int((own & ~whole).sum())
-        edge = np.where(cut_front, 1, np.where(cut_back, 2, 0))[own & whole]
-        waiting += _cut(piece, bursts.where(own & whole), edge, sign)
+        disturbances += int((inside & ~whole).sum())
+        edge = np.where(cut_front, 1, np.where(cut_back, 2, 0))[inside & whole]
+        waiting += _cut(piece, bursts.where(inside & whole), edge, sign)
         if sum(len(some.rows) for some in waiting) > _TOGETHER:
             parts.append(_received(waiting, threshold))
             waiting = []
@@ -404,16 +404,16 @@ def _distance(
     times: npt.NDArray[np.floating], edges: Floats, side: Literal["left", "right"]
 ) -> npt.NDArray[np.floating]:
     """Return the time since the previous edge ("right") or minus the time to the next ("left")."""
-    place = np.searchsorted(edges, times, side) - (side == "right")
-    return times - edges[np.clip(place, 0, len(edges) - 1)]
+    index = np.searchsorted(edges, times, side) - (side == "right")
+    return times - edges[np.clip(index, 0, len(edges) - 1)]
 
 
 def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> tuple[float, int]:
     """Return which of `limits` [V] and which polarity (1, -1) yield the most correct telegrams."""
     best, most = (0.0, 1), -1
     for minimum in limits:
-        found = [find_bursts(piece, minimum) for piece in sample]
-        fits = [few.where(few.fits & (np.cumsum(few.fits) <= 64)) for few in found]
+        bursts_of = [find_bursts(piece, minimum) for piece in sample]
+        fits = [few.where(few.fits & (np.cumsum(few.fits) <= 64)) for few in bursts_of]
         cut = [some for piece, few in zip(sample, fits, strict=True)
                for some in _cut(piece, few, few.bits)]  # fmt: skip
         received = [_heard(together, threshold) for _, together in _by_length(cut)]
@@ -423,11 +423,11 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
             -1: sum(int((error == 0).sum()) for error in inverted),
         }
         # In a tie, the first pulses decide: they are negative unless the record is inverted.
-        heights = sum(int(np.sign(bursts.height).sum()) for bursts in found)
+        heights = sum(int(np.sign(bursts.height).sum()) for bursts in bursts_of)
         sign = -1 if (right[-1], heights) > (right[1], 0) else 1
         if right[sign] > most:
             best, most = (minimum, sign), right[sign]
-        if 2 * right[sign] > sum(int((some.pulses >= _FEWEST_PULSES).sum()) for some in found):
+        if 2 * right[sign] > sum(int((some.pulses >= _FEWEST_PULSES).sum()) for some in bursts_of):
             break
     return best
 
@@ -454,13 +454,13 @@ def _cut(piece: Piece, bursts: Bursts, edge: Integers, sign: int = 1) -> list[_C
     around = piece.around[piece.margin - before :]
     for n_bits in _SPANS:
         length = before + round(2 * n_bits * HALF_BIT / piece.step) + behind
-        own, which = bursts.where(bursts.bits == n_bits), edge[bursts.bits == n_bits]
-        unit = np.abs(own.height)
-        rows = np.lib.stride_tricks.sliding_window_view(around, length)[own.first]
+        these, which = bursts.where(bursts.bits == n_bits), edge[bursts.bits == n_bits]
+        unit = np.abs(these.height)
+        rows = np.lib.stride_tricks.sliding_window_view(around, length)[these.first]
         rows /= sign * unit.astype(np.float32)[:, np.newaxis]
-        places: tuple[Any, ...] = (own.first - before, own.first, own.last)
-        begin, first, last = (piece.start + at * piece.step for at in places)
-        parts.append(_Cut(n_bits, piece.step, rows, begin, first, last, unit, own.fits, which))
+        indices: tuple[Any, ...] = (these.first - before, these.first, these.last)
+        begin, first, last = (piece.start + at * piece.step for at in indices)
+        parts.append(_Cut(n_bits, piece.step, rows, begin, first, last, unit, these.fits, which))
     return parts
 
 

@@ -201,8 +201,8 @@ def run_cycles(
     step = 0
     while step < keys.size and time < until:
         # The master sends a request.
-        cycle, place = step // keys.shape[1], step % keys.shape[1]
-        phase, key = max(0, place - polled + 1), keys[cycle, place]
+        cycle, position = step // keys.shape[1], step % keys.shape[1]
+        phase, key = max(0, position - polled + 1), keys[cycle, position]
         slave, end = slaves[phase, key], time + 14
         watchdog = phase == 0 and slave >= 0 and end * bit_time > states["expires"][slave]
         if slave == -2 or watchdog or end >= event:

@@ -168,8 +168,8 @@ class Lists:
 
     def label(self, key: int) -> str:
         """Return the label of the slave with a given key."""
-        known = self.detected.get(key)
-        return label_of(key, extended=known is not None and known.profile.extended)
+        identity = self.detected.get(key)
+        return label_of(key, extended=identity is not None and identity.profile.extended)
 
     def parameter(self, key: int) -> int:
         """Return the parameter bits of a detected slave."""
@@ -303,11 +303,11 @@ def move(lists: Lists, label: str) -> Task[bool]:
         yield from wait_for_storing(0, None)
     yield Request(Call.ASSIGN_ADDRESS, 0, key >> 1)
     yield from wait_for_storing(key >> 1, half)
-    found = yield from identify(key)
-    if found is None or found.profile != identity.profile:
+    identity_there = yield from identify(key)
+    if identity_there is None or identity_there.profile != identity.profile:
         return False
     lists.forget(0)
-    lists.note(key, found)
+    lists.note(key, identity_there)
     return True
 
 

@@ -116,8 +116,8 @@ def read_elements(path: str | PathLike[str]) -> tuple[list[Element], Notes]:
     """Read the elements of a plan from a file, and the notes on them."""
     sheet = read_sheet(path)
     needed = ("kind", "node")
-    known = {column: None if column in needed else "" for column in (*COLUMNS, "note")}
-    rows, faults = titled(sheet, known)
+    defaults = {column: None if column in needed else "" for column in (*COLUMNS, "note")}
+    rows, faults = titled(sheet, defaults)
     # Check the structure only if every cable was read; otherwise devices would seem unconnected.
     whole = not faults
     point = "."
@@ -137,14 +137,14 @@ def read_elements(path: str | PathLike[str]) -> tuple[list[Element], Notes]:
         else:
             # A row of unknown kind may be meant as a cable.
             whole &= row["kind"].lower() in _KINDS.keys() - {"cable"}
-    said = in_order(faults)
+    messages = in_order(faults)
     if whole and not any(isinstance(element, CableRun) for element in elements):
-        said.append("has no row of kind cable; expected at least one")
+        messages.append("has no row of kind cable; expected at least one")
     elif whole:
-        found = structure_faults(elements)
-        said += [f"row {numbers[id(element)]}: {fault}" for element, fault in found]
-    if said:
-        raise InputError(sheet.source, *said)
+        misplaced = structure_faults(elements)
+        messages += [f"row {numbers[id(element)]}: {fault}" for element, fault in misplaced]
+    if messages:
+        raise InputError(sheet.source, *messages)
     return elements, notes
 
 
@@ -163,11 +163,11 @@ def _element(row: dict[str, str], point: str) -> tuple[Element | None, list[str]
                 arguments[argument] = _value(column, row[column], point)
         except ArgumentError as expected:
             faults.append(f"column {column}: {row[column]!r}; expected {expected}")
-    known = {"kind", "note", *needed.values(), *optional.values()}
+    used = {"kind", "note", *needed.values(), *optional.values()}
     faults += [
         f"column {column}: {cell!r}; expected an empty cell; a {name} has no {column}"
         for column, cell in row.items()
-        if cell and column not in known
+        if cell and column not in used
     ]
     try:
         return (None if faults else make(**arguments)), faults
@@ -201,9 +201,11 @@ _READ: dict[str, tuple[Callable[[str], Any], str]] = {
 
 
 def _number(column: str, cell: str, point: str) -> float:
-    known, power = _NUMBERS[column]
-    low, high = known.low, known.high
-    legal = f"a number {low * 10**-power:g}..{high * 10**-power:g} {_PREFIX[power]}{known.unit}"
+    declaration, power = _NUMBERS[column]
+    low, high = declaration.low, declaration.high
+    legal = (
+        f"a number {low * 10**-power:g}..{high * 10**-power:g} {_PREFIX[power]}{declaration.unit}"
+    )
     if {".": ",", ",": "."}[point] in cell:
         raise ArgumentError(f"{legal}, with a decimal {'point' if point == '.' else 'comma'}")
     text = cell.replace(",", ".")

@@ -271,21 +271,21 @@ class Waveform(line_waveform.Waveform):
         from scipy.ndimage import map_coordinates
 
         bits, rows = self.records
-        heard = receive(rows, self.dt, bits.shape[-1], matched=False)
-        if not np.isfinite(heard.start).all():
+        received = receive(rows, self.dt, bits.shape[-1], matched=False)
+        if not np.isfinite(received.start).all():
             raise ArgumentError("a telegram in u has no pulse above the receiver's minimum")
         signs = np.pad(Modulation(bits).pulses.signs, ((0, 0), (0, 2)))[:, 1:]
         t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, 61)
-        middles = heard.start[:, np.newaxis] + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
-        place = (middles[..., np.newaxis] + t) / self.dt
-        if place.max() > rows.shape[1] - 1:
+        middles = received.start[:, np.newaxis] + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
+        samples = (middles[..., np.newaxis] + t) / self.dt
+        if samples.max() > rows.shape[1] - 1:
             raise ArgumentError(
                 f"u ends after {rows.shape[1] * self.dt:.3g} s; a telegram with its silence lasts "
-                f"until {place.max() * self.dt:.3g} s"
+                f"until {samples.max() * self.dt:.3g} s"
             )
         # The row coordinate must be a whole number, or two telegrams would blend.
-        row = np.broadcast_to(np.arange(len(rows))[:, np.newaxis, np.newaxis], place.shape)
-        folded = map_coordinates(rows - rows.mean(axis=1, keepdims=True), [row, place], order=1)
+        row = np.broadcast_to(np.arange(len(rows))[:, np.newaxis, np.newaxis], samples.shape)
+        folded = map_coordinates(rows - rows.mean(axis=1, keepdims=True), [row, samples], order=1)
         folded /= np.abs(folded).max(axis=(1, 2), keepdims=True)
         filled = signs != 0
         return Eye(t, folded[filled] * signs[filled][:, np.newaxis], folded[~filled])

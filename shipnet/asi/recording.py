@@ -48,7 +48,7 @@ class _Recorder:
             slave.pause()
         network = segment.network
         rows = [network.index(slave.node) for slave in segment.slaves]
-        places = [*rows, network.index(node, "node")]
+        listeners = [*rows, network.index(node, "node")]
         self.dt, self.slot, self.at = dt, round(HALF_BIT / dt), round(_AHEAD / dt)
 
         def heard(sender: str, rows: list[int]) -> Floats:
@@ -62,7 +62,7 @@ class _Recorder:
 
         #: Voltages [V] that a step of the master's current causes at each slave and at the scope;
         #: by reciprocity, a step of a slave's current causes the same voltage at the master.
-        self.asked = heard(segment.head, places)
+        self.asked = heard(segment.head, listeners)
         #: Voltages [V] that a step of each slave's current causes at the scope.
         self.scope = self.asked[:-1] if node == segment.head else heard(node, rows)
         self.strength = np.array([weak.get(slave.label, 1.0) for slave in segment.slaves])
@@ -93,16 +93,16 @@ class _Recorder:
         """Return the voltage of a telegram, computed from that of one current step."""
         steps = Modulation(bits).steps
         u = np.zeros((*change.shape[:-1], change.shape[-1] + len(steps) * self.slot), np.float32)
-        for place in np.flatnonzero(steps) * self.slot:
-            u[..., place : place + change.shape[-1]] += steps[place // self.slot] * change
+        for start in np.flatnonzero(steps) * self.slot:
+            u[..., start : start + change.shape[-1]] += steps[start // self.slot] * change
         return u
 
     def bits(self, rows: slice, start: int, count: int) -> list[str]:
         """Return the bits that receivers read, "" for a bad telegram."""
         end = start + round((2 * count * HALF_BIT + _AFTER) / self.dt)
-        heard = receive(self.u[rows, start - round(_BEFORE / self.dt) : end], self.dt, count)
-        texts = ("".join(map(str, row)) for row in heard.bits.tolist())
-        return ["" if error else text for text, error in zip(texts, heard.error, strict=True)]
+        received = receive(self.u[rows, start - round(_BEFORE / self.dt) : end], self.dt, count)
+        texts = ("".join(map(str, row)) for row in received.bits.tolist())
+        return ["" if error else text for text, error in zip(texts, received.error, strict=True)]
 
     def transact(self, request: str, rng: np.random.Generator) -> int:
         """Send a request, let the slaves respond, and return their data, `SILENT` or `FAULTY`."""
@@ -120,8 +120,8 @@ class _Recorder:
             if answer is not None:
                 pause = _TIMES.master_pause + (0 if in_step else _TIMES.unsynchronised)
                 begin = end + round(pause * bit) + round(rng.uniform(0, _LATE) / self.dt)
-                heard = np.stack([self.scope[k], self.asked[k]]) * self.strength[k]
-                self.put(slice(count, None), self.telegram(heard, answer.bits), begin)
+                voltages = np.stack([self.scope[k], self.asked[k]]) * self.strength[k]
+                self.put(slice(count, None), self.telegram(voltages, answer.bits), begin)
                 first, last = min(first or begin, begin), max(last, begin)
         if not last:
             return SILENT

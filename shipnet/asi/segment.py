@@ -144,19 +144,19 @@ def telegram_voltages(
     rows = [network.index(node, "node") for node in nodes]
 
     def change(s: Complexes) -> Complexes:
-        heard = network.transfer(master, s)[..., rows, :]
-        heard *= -SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before)
-        return heard
+        response_to_step = network.transfer(master, s)[..., rows, :]
+        response_to_step *= -SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before)
+        return response_to_step
 
     # A telegram is a sequence of equal current steps.
-    heard = record_of(change, max(sizes), dt, f_max)
-    found = []
+    response_to_step = record_of(change, max(sizes), dt, f_max)
+    voltages = []
     for steps, n_t in zip(many, sizes, strict=True):
         changes = np.zeros((len(nodes), steps.shape[1], n_t))
-        for place in range(steps.shape[1]):
-            changes[:, place, place * slot :] = heard[:, : n_t - place * slot]
-        found.append(np.asarray(steps @ changes))
-    return found
+        for step in range(steps.shape[1]):
+            changes[:, step, step * slot :] = response_to_step[:, : n_t - step * slot]
+        voltages.append(np.asarray(steps @ changes))
+    return voltages
 
 
 class Quality(NamedTuple):
@@ -215,9 +215,9 @@ def quality_of(*waves: Waveform) -> Quality:
     """Return the quality at each node, over all telegrams of waveforms with the same nodes."""
     parts = []
     for wave in waves:
-        heard = receive(wave.u, wave.dt, wave.bits.shape[-1])
-        right = (heard.error == 0) & (heard.bits == wave.bits).all(axis=-1)
-        weakest, ringing = np.nan_to_num(heard.weakest), np.nan_to_num(heard.ringing, nan=1.0)
+        received = receive(wave.u, wave.dt, wave.bits.shape[-1])
+        right = (received.error == 0) & (received.bits == wave.bits).all(axis=-1)
+        weakest, ringing = np.nan_to_num(received.weakest), np.nan_to_num(received.ringing, nan=1.0)
         parts.append(np.stack([np.ptp(wave.u, axis=-1), weakest, ringing, right]))
     level, weakest, ringing, right = np.concatenate(parts, axis=2)
     return Quality(
@@ -265,8 +265,8 @@ class Segment:
     @property
     def draws(self) -> list[tuple[str, float]]:
         """Node and current [A] of each master, slave and repeater."""
-        own: tuple[Master | Slave, ...] = (*self.masters, *self.slaves)
-        draws = [(device.node, device.current) for device in own]
+        devices: tuple[Master | Slave, ...] = (*self.masters, *self.slaves)
+        draws = [(device.node, device.current) for device in devices]
         return draws + [(node, repeater.current) for repeater, node in self.ports]
 
     @property
@@ -293,13 +293,15 @@ class Segment:
     @cached_property
     def network(self) -> Network:
         """Network of its cables and loads."""
-        given = [(device.node, device.load) for device in self.slaves]
-        given += [(device.node, DEVICE) for device in self.masters]
-        given += [(node, DEVICE) for _, node in self.ports]
-        given += [(supply.node, supply.load) for supply in self.supplies]
-        given += [(plug.node, Load(plug.resistance, plug.inductance)) for plug in self.terminators]
+        attached = [(device.node, device.load) for device in self.slaves]
+        attached += [(device.node, DEVICE) for device in self.masters]
+        attached += [(node, DEVICE) for _, node in self.ports]
+        attached += [(supply.node, supply.load) for supply in self.supplies]
+        attached += [
+            (plug.node, Load(plug.resistance, plug.inductance)) for plug in self.terminators
+        ]
         loads: dict[str, Load] = {}
-        for node, load in given:
+        for node, load in attached:
             loads[node] = loads[node] + load if node in loads else load
         return Network(self.cables, loads)
 
@@ -333,20 +335,20 @@ class Segment:
         if before is None:
             one, response = Transaction(), bits[0].shape[-1] == RESPONSE_BITS
             before = (one.master_pause if response else one.slave_pause) * one.bit_time
-        found = telegram_voltages(
+        voltages = telegram_voltages(
             self.network, self.head, nodes, *bits, dt=dt, before=before, after=after
         )
         return [
             Waveform(u if b.ndim == 2 else u[:, 0], dt, start=-before, names=tuple(nodes), bits=b)
-            for u, b in zip(found, bits, strict=True)
+            for u, b in zip(voltages, bits, strict=True)
         ]
 
     def quality(self, nodes: Sequence[str], *words: Sequence[str]) -> Quality:
         """Return the quality of batches of telegrams between `head` and nodes; nodes may repeat."""
-        places = list(dict.fromkeys(nodes))
-        found = quality_of(*self.waveforms(places, *words, dt=250e-9, before=5e-6, after=55e-6))
-        rows = [places.index(node) for node in nodes]
-        return Quality._make([*(values[rows] for values in found[:5]), tuple(nodes)])
+        listed = list(dict.fromkeys(nodes))
+        quality = quality_of(*self.waveforms(listed, *words, dt=250e-9, before=5e-6, after=55e-6))
+        rows = [listed.index(node) for node in nodes]
+        return Quality._make([*(values[rows] for values in quality[:5]), tuple(nodes)])
 
     def signals(self) -> Quality:
         """Return the worst quality of the 16 responses and the `PROBES` for each listener."""

@@ -60,9 +60,9 @@ class Standby:
         recent = np.maximum.accumulate(record["cycle"]) >= max(cycle - 2, 0)
         rows = record[recent & (record["outcome"] == 0)]
         good = rows[rows["call"] == Call.DATA_EXCHANGE]
-        known = dict(zip(_labels(good), good["data"].tolist(), strict=True))
+        outputs = dict(zip(_labels(good), good["data"].tolist(), strict=True))
         return {
-            label: bits for label, bits in known.items() if label in (self.master.projected or {})
+            label: bits for label, bits in outputs.items() if label in (self.master.projected or {})
         }
 
 
@@ -140,10 +140,10 @@ class Run:
     changes: list[InputChange]
 
     def __repr__(self) -> str:
-        found = self.summary
+        summary = self.summary
         return (
-            f"<Run: {found.cycles} cycles of {1e3 * found.cycle_time[1]:.2f} ms, "
-            f"{found.dropped} slaves dropped>"
+            f"<Run: {summary.cycles} cycles of {1e3 * summary.cycle_time[1]:.2f} ms, "
+            f"{summary.dropped} slaves dropped>"
         )
 
     @cached_property
@@ -337,12 +337,12 @@ class Run:
         """
         leading = self.masters[0]
         worst = (1 + leading.repetitions) * leading.drop_after
-        found = self._exchanges[["slave", "failed"]]
+        tries = self._exchanges[["slave", "failed"]]
         # A series of failures ends before a success, before the next slave, or at the end.
-        run = (found != found.shift()).any(axis=1).cumsum()
-        runs = found[found["failed"]].groupby(run)["slave"].agg(["first", "size"])
+        run = (tries != tries.shift()).any(axis=1).cumsum()
+        runs = tries[tries["failed"]].groupby(run)["slave"].agg(["first", "size"])
         table = pd.crosstab(runs["first"], runs["size"].clip(upper=worst))
-        everybody = found["slave"].unique()
+        everybody = tries["slave"].unique()
         whole = table.reindex(index=everybody, columns=range(1, worst + 1), fill_value=0)
         return whole.rename_axis(index="slave", columns="class")
 
@@ -415,24 +415,30 @@ class Run:
             later = [
                 c.time for c in self.changes if c.slave == change.slave and c.time > change.time
             ]
-            own = good[good["slave"] == change.slave]
-            seen = own[own["sampled"].between(change.time, min(later, default=np.inf), "left")]
+            exchanges_of_slave = good[good["slave"] == change.slave]
+            seen = exchanges_of_slave[
+                exchanges_of_slave["sampled"].between(
+                    change.time, min(later, default=np.inf), "left"
+                )
+            ]
             answers.append(seen["known"].iloc[0] - change.time if len(seen) else np.nan)
         frame = pd.DataFrame(self.changes, columns=["time_s", "slave", "value"])
         return frame.assign(response_time_s=np.array(answers, dtype=float))
 
 
-def _values(own: pd.DataFrame, slave: Slave) -> pd.DataFrame:
+def _values(exchanges_of_slave: pd.DataFrame, slave: Slave) -> pd.DataFrame:
     """Return the times at which one channel's values were converted and reached the master."""
     try:
         needed = exchanges(slave.kind)
     except ArgumentError:  # its number of exchanges is not published
-        return own[:0]
-    ends = own["known"].to_numpy()[needed - 1 :: needed]
+        return exchanges_of_slave[:0]
+    ends = exchanges_of_slave["known"].to_numpy()[needed - 1 :: needed]
     taken, known = ends[: -1 : slave.channels], ends[1 :: slave.channels]
     round_of_all = slave.channels * slave.conversion
     sampled = np.floor(taken / round_of_all) * round_of_all if round_of_all else taken
-    return pd.DataFrame({"slave": own["slave"].iloc[0], "sampled": sampled, "known": known})
+    return pd.DataFrame(
+        {"slave": exchanges_of_slave["slave"].iloc[0], "sampled": sampled, "known": known}
+    )
 
 
 # The simulation --------------------------------------------------------------------------------

@@ -156,11 +156,11 @@ def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> A
     if len(bits) not in _PARTS:
         raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
     ax = style.axes(ax, figsize=(7.5, 2.2))
-    place = start
+    edge = start
     for label, length, colour in _PARTS[len(bits)]:
-        style.box(ax, place, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
-        ax.text(place + length / 2, -0.22, label, ha="center", va="top")
-        place += length
+        style.box(ax, edge, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
+        ax.text(edge + length / 2, -0.22, label, ha="center", va="top")
+        edge += length
     for index, bit in enumerate(bits):
         ax.text(start + index + 0.5, 0.5, bit, ha="center", va="center", family="monospace")
     edges = [start + index for index in range(len(bits) + 1)]
@@ -389,8 +389,8 @@ class Request:
         """Read the 14 bits of a request."""
         information = information_of(bits, REQUEST_BITS, "request")
         check_kind("extended", extended, bool)
-        if found := all_requests(extended).get(bits):
-            return found
+        if request := all_requests(extended).get(bits):
+            return request
         raise UnknownCallError(
             f"request {bits}: no call has control bit {information[0]}, address "
             f"{int(information[1:6], 2)} and information {information[6:]}"
@@ -444,7 +444,7 @@ def all_requests(extended: bool) -> dict[str, Request]:
 
     Without extended addressing, select bit 0 means a standard slave, not an A slave.
     """
-    found: dict[str, Request] = {}
+    requests: dict[str, Request] = {}
     for call in Call:
         layout = call.rule.layout(extended)
         addresses = range(call.rule.lowest_address, 32) if "a" in layout else [int(layout[1:6], 2)]
@@ -455,8 +455,8 @@ def all_requests(extended: bool) -> dict[str, Request]:
         for half, address in product(halves, addresses):
             for data in range(lowest, 2 ** layout.count("d")):
                 request = Request(call, address, data, half)
-                found[request.bits] = request
-    return found
+                requests[request.bits] = request
+    return requests
 
 
 def _fields(*inner: tuple[str, str, int, str, str, str]) -> pd.DataFrame:

@@ -343,12 +343,12 @@ class Cycle:
             pause = one.master_pause + disturbed * one.unsynchronised
             return (pause + RESPONSE_BITS) * one.bit_time + 2 * delay, wait
 
-        known, wait = bounds(disturbed=False)
-        worst = known + wait
+        age, wait = bounds(disturbed=False)
+        worst = age + wait
         if repetitions is not None:
             count = check_whole("repetitions", repetitions, 0, 10_000)
             worst = sum(bounds(disturbed=True)) + count * (one.longest + 2 * self._farthest)
-        return ResponseTime(known, known + wait / 2, worst)
+        return ResponseTime(age, age + wait / 2, worst)
 
 
 def cycle_time(slaves: int = ADDRESSES, **options: Any) -> float:
@@ -398,20 +398,20 @@ def polling_cycle(
 @cache
 def _analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
     """Return the number of exchanges by profile, direction and value size [bit]; 0 if unknown."""
-    found: dict[tuple[str, str], dict[int, int]] = {}
+    profiles: dict[tuple[str, str], dict[int, int]] = {}
     for row in datasets.read("asi_analogue_profiles.csv").to_dict("records"):
-        sizes = found.setdefault((row["profile"], row["direction"]), {})
+        sizes = profiles.setdefault((row["profile"], row["direction"]), {})
         sizes[int(row["value_bit"])] = int(row["cycles"] or 0)
-    return found
+    return profiles
 
 
 @lru_cache(maxsize=256)
 def _sizes(profile: Profile | str, direction: str) -> dict[int, int]:
     """Return the number of exchanges by value size [bit]; S-7.3.C also has the sizes of S-7.3."""
     profile = Profile.parse(profile)
-    general, own = f"S-{profile.io:X}.{profile.id:X}", str(profile)
-    known = _analogue_profiles()
-    return known.get((general, direction), {}) | known.get((own, direction), {})
+    general, whole = f"S-{profile.io:X}.{profile.id:X}", str(profile)
+    profiles = _analogue_profiles()
+    return profiles.get((general, direction), {}) | profiles.get((whole, direction), {})
 
 
 @lru_cache(maxsize=256)

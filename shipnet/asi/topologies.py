@@ -118,8 +118,8 @@ def star(
     for what, place in named:
         if not 0 <= place <= trunk:
             raise ArgumentError(f"the {what} is at {place} m; it must be 0..{trunk:g} m")
-    places = sorted({0.0, float(trunk), *(float(place) for _, place in named)})
-    cables = [CableRun(_node(a), _node(b), b - a, cable) for a, b in pairwise(places)]
+    positions = sorted({0.0, float(trunk), *(float(place) for _, place in named)})
+    cables = [CableRun(_node(a), _node(b), b - a, cable) for a, b in pairwise(positions)]
     ends = {f"leg {number}": leg for number, leg in enumerate(legs, 1)}
     cables += [CableRun(_node(trunk), end, leg, cable) for end, leg in ends.items()]
     nodes = [*map(_node, along), *ends]

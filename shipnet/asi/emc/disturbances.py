@@ -44,8 +44,8 @@ def add_events(
     dt = _step(t)
     first = np.ceil((begin - t[0]) / dt).astype(np.intp)
     column = first[:, np.newaxis] + np.arange(int(length / dt) + 1)
-    row, place = np.nonzero((column >= 0) & (column < t.size))
-    column = column[row, place]
+    row, index = np.nonzero((column >= 0) & (column < t.size))
+    column = column[row, index]
     since = np.maximum(t[column] - begin[row], 0.0)
     u[row, column] += shape(since, *(parameter[row] for parameter in parameters))
 
@@ -326,8 +326,8 @@ def plot_levels(ax: Axes | None = None) -> Axes:
     AS-i level over marine level [1]
     """
     ax, table = style.axes(ax, figsize=(6.4, 4)), levels()
-    asked = table["parameter"].isin(_SEVERITY) & (table["gap"] != "not asked")
-    rows = table[asked].to_dict("records")
+    drawn = table["parameter"].isin(_SEVERITY) & (table["gap"] != "not asked")
+    rows = table[drawn].to_dict("records")
     for y, row in enumerate(rows):
         missing, unsure = row["gap"] == "test missing", row["confirmed"] != "yes"
         colour = "C0" if row["gap"] == "covers" else style.LIMIT["color"]
