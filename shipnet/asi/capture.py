@@ -105,8 +105,8 @@ def transactions_of(
     table["master_pause_bit"], table["slave_pause_bit"] = _pauses(telegrams, request, response, cut)
     for name in ("amplitude", "weakest", "ringing"):
         for kind, rows in (("request", request), ("response", response)):
-            column = f"{kind}_{name}" + "_V" * (name == "amplitude")
-            table[column] = _pick(telegrams[name], rows, np.nan)
+            unit = "_V" if name == "amplitude" else ""
+            table[f"{kind}_{name}{unit}"] = _pick(telegrams[name], rows, np.nan)
     table["request_error"], table["response_error"] = errors[request_error], errors[response_error]
     # The key does not contain the call, because the bits of a request determine it.
     sizes = len(texts), len(errors), len(texts), len(errors)
@@ -682,7 +682,7 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
     nan, table, slaves = float("nan"), capture.transactions, capture.slaves
     volts, read = capture.supply_voltage, float(capture.telegrams)
     rows = [("telegrams", "line", read, 1.0, nan, "1", "telegrams read")]
-    if volts == volts:
+    if not np.isnan(volts):
         rows.append(("supply voltage", "supply", volts, *_limits()[2:], "V", "at the scope"))
     requests = table[~table["request_error"].isin(["", CUT_OFF])]
     level, weakest = requests["request_amplitude_V"].min(), requests["request_weakest"].min()
@@ -704,7 +704,7 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
             ("ringing", ringing, nan, TOLERANCE.ringing, "1"),
             ("errors", bad, nan, 0.0, "1"),
         ):
-            if value == value:
+            if not np.isnan(value):
                 why = f"{kind}s of {who}"
                 rows.append((f"{kind} {what}", who, float(value), low, high, unit, why))
     for name, series in capture._silences.items():
@@ -781,7 +781,8 @@ def _power_cause(capture: Capture) -> list[Found]:
     fails = _power_fails(capture)
     if len(fails):
         why = f"the supply falls below {POWER_FAIL} V at {1e3 * fails[0]:.1f} ms"
-        why += f" and {len(fails) - 1} times later" * (len(fails) > 1)
+        if len(fails) > 1:
+            why += f" and {len(fails) - 1} times later"
     else:
         why = f"the supply is {volts:.1f} V; slaves need {least} V"
     return [Found(POWER, why)] if len(fails) or volts < least else []

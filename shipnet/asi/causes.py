@@ -266,7 +266,7 @@ def line_causes(
             evidence = f"{unread} telegrams cannot be read, even with the cable's echoes removed"
             return [Found(CABLE, evidence)]
         silent = level < _NOTHING and not (rows["response_error"] == "ok").any()
-        if silent and supply == supply and not part.short:
+        if silent and not np.isnan(supply) and not part.short:
             evidence = (
                 f"{supply:.0f} V, but no pulse exceeds {_NOTHING} V: an ordinary supply without "
                 "decoupling short-circuits all signals (a silent master looks the same)"

@@ -263,12 +263,12 @@ class Run:
                 middle = begin + request / 2
                 ax.text(middle, -0.5, str(attempt), ha="center", va="bottom")
             fine, pause = one["outcome"] == "ok", one["master_pause_bit"]
-            if fine and pause != pause:
+            if fine and np.isnan(pause):
                 continue  # a call without a response
             # A missing response is drawn at its earliest possible start.
             colour = style.FIELD["information"] if fine else style.LIMIT["color"]
             look: dict[str, Any] = {"facecolor": colour, **edge}
-            if pause != pause:
+            if np.isnan(pause):
                 pause = 2.0
                 look |= {"alpha": 0.35, "linestyle": ":"}
             x, y = begin + (REQUEST_BITS + pause) * bit, row[one["slave"]] - 0.4
@@ -522,9 +522,14 @@ def simulate(
     end = inf if until is None else check_scalar("until", until, "s", 0, 1e9)
     transaction.check_line()
     if isinstance(system, Plan):
-        masters = [one for segment in system.only_line("simulation") for one in segment.masters]
-        master = next(iter(masters), None) if master is None else master
-        stations = Stations(_places_of(system), transaction)
+        system.only_line("simulation")
+        master = master or next(iter(system.masters), None)
+        # Each slave, its distance from the master [m] and the delay of its repeaters [s].
+        places = [
+            (slave, segment.lead + segment.distances.get(slave.node, 0.0), segment.delay)
+            for slave, segment in system.located
+        ]
+        stations = Stations(places, transaction)
     else:
         stations = Stations([(slave, 0.0, 0.0) for slave in system], transaction)
     leading = [RunningMaster(master or Master())]
@@ -543,9 +548,8 @@ def simulate(
         for station in stations[slave]:
             channel.schedule(changes[-1].time, partial(station.fields.__setitem__, "inputs", value))
     for time, command in commands:
-        channel.schedule(
-            check_scalar("time", time, "s", 0, 1e9), partial(_submit, leading, command)
-        )
+        begin = check_scalar("time", time, "s", 0, 1e9)
+        channel.schedule(begin, partial(_submit, leading, command))
 
     if until is None:
         channel.schedule(_PATIENCE, partial(_check_progress, channel, 0))
@@ -563,15 +567,6 @@ def _check_progress(channel: Channel, begun: int) -> None:
         )
     again = partial(_check_progress, channel, channel.begun)
     channel.schedule(channel.seconds + _PATIENCE, again)
-
-
-def _places_of(plan: Plan) -> list[tuple[Slave, float, float]]:
-    """Return each slave with its distance from the master [m] and its total repeater delay [s]."""
-    plan.only_line("simulation")
-    return [
-        (slave, segment.lead + segment.distances.get(slave.node, 0.0), segment.delay)
-        for slave, segment in plan.located
-    ]
 
 
 def _submit(leading: list[RunningMaster], command: Command) -> None:

@@ -402,15 +402,15 @@ class Request:
         return cls(Call.DATA_EXCHANGE, address, data, half)
 
     @classmethod
-    def table(cls, *, extended: bool = True) -> pd.DataFrame:
-        """Return all requests bit by bit, to A/B slaves or to standard ones: kim2023's Table 5.
+    def table(cls) -> pd.DataFrame:
+        """Return all requests to A/B slaves bit by bit: kim2023's Table 5.
 
         A cell is 0 or 1 if the bit is fixed, otherwise the name of its content: ``S`` is the
         select bit, ``~S`` its inverse.
         """
         rows = {}
         for call in Call:
-            layout = call.rule.layout(extended)
+            layout = call.rule.layout(extended=True)
             left = layout.count("d")
             cells = []
             for letter, place in zip(layout, _PLACES, strict=True):

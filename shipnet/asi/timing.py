@@ -258,7 +258,9 @@ class Cycle:
         one = self.transaction
         each = one.longest if disturbed else one.duration
         # The search for a new slave; nobody answers it unless a dropped slave returns.
-        search = max(one.unanswered * one.bit_time - each, 0.0) + 2 * disturbed * self._farthest
+        search = max(one.unanswered * one.bit_time - each, 0.0)
+        if disturbed:
+            search += 2 * self._farthest
         cycle = (self.addresses + 1 + self.inclusion) * each + self.inclusion * search
         # Two slaves that share an address take turns, so that an odd cycle may poll the slower one.
         mean = sum(sum(group) / len(group) for group in self.delays)
@@ -340,7 +342,7 @@ class Cycle:
                 return wait / channels, wait + channels * each
             if direction == "out":
                 return REQUEST_BITS * one.bit_time + delay, wait
-            pause = one.master_pause + disturbed * one.unsynchronised
+            pause = one.master_pause + (one.unsynchronised if disturbed else 0.0)
             return (pause + RESPONSE_BITS) * one.bit_time + 2 * delay, wait
 
         age, wait = bounds(disturbed=False)

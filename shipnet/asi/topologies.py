@@ -134,7 +134,6 @@ def ring(
     slaves: int | Sequence[float],
     *,
     pairs: int | None = None,
-    supply: float = 0.0,
     cable: str | Cable = "as-i 1.5",
     current: float = CURRENT,
 ) -> Plan:
@@ -146,7 +145,7 @@ def ring(
         Length of the cable around the ring [m].
     slaves : int or sequence of float
         Number of slaves, evenly spaced, or the position of each, 0 to less than `length` [m].
-    pairs, supply, cable, current
+    pairs, cable, current
         As for `line`.
 
     Returns
@@ -162,12 +161,12 @@ def ring(
     """
     if isinstance(slaves, int | float | np.number):
         slaves = evenly_spaced(length, slaves + 1)[:-1]
-    last = max((*slaves, supply), default=0.0)
+    last = max(slaves, default=0.0)
     if not 0 < last < length:
         raise ArgumentError(
             f"the last position on the ring is {last} m; it must be between 0 and {length} m"
         )
-    there = line(last, slaves, pairs=pairs, supply=supply, cable=cable, current=current)
+    there = line(last, slaves, pairs=pairs, cable=cable, current=current)
     # Two nodes have at most one cable between them, so a second one needs a node halfway.
     halfway = [] if len(there.cables) > 1 else [last + (length - last) / 2]
     back = pairwise([last, *halfway, length])

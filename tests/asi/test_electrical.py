@@ -92,10 +92,10 @@ def test_the_signal_is_that_of_a_segment_built_by_hand():
         [Master(node="m")],
         [Supply("hub")],
         [Slave("1", node="s1"), Slave("2", node="s2")],
-        terminators=[Terminator("s2", 120.0)],
+        terminators=[Terminator("s2", 120.0, 240e-6)],
     )
     runs = [CableRun("m", "hub", 40), CableRun("hub", "s1", 10), CableRun("hub", "s2", 30)]
-    end = DEVICE + Load(r=120.0)
+    end = DEVICE + Load(r=120.0, l=240e-6)
     network = Network(runs, {"hub": POWER_SUPPLY, "m": DEVICE, "s1": DEVICE, "s2": end})
     ours = plan.network
     s = 2j * np.pi * np.array([20e3, 167e3, 400e3])

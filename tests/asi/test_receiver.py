@@ -181,9 +181,9 @@ def test_checks_keep_leading_axes():
     ("slots", "message"),
     [
         ([0] * 15, "there are 15 half-bits; a response has 14 and a request 28, plus two"),
-        *((wrong, "they must be -1, 0 or") for wrong in ([0.0] * 16, "0-x", "", 1.5)),
-        ([2] + [0] * 15, "they must be -1, 0 or"),
-        (np.full(16, -128, dtype=np.int8), "they must be -1, 0 or"),
+        *((wrong, "they must be -") for wrong in ([0.0] * 16, "0-x", "", 1.5)),
+        ([2] + [0] * 15, "they must be -"),
+        (np.full(16, -128, dtype=np.int8), "they must be -"),
     ],
 )
 def test_illegal_rows_of_slots_are_refused(slots, message):
