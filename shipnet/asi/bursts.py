@@ -298,11 +298,15 @@ _FEWEST_PULSES = 5
 _TELEGRAM = np.dtype(
     [
         *((name, np.float64) for name in ("start", "first", "last")),
-        ("length", np.int8), ("word", np.int16), ("known", np.int16), ("error", np.uint8),
+        ("length", np.int8),
+        ("word", np.int16),
+        ("known", np.int16),
+        ("error", np.uint8),
         *((name, np.float64) for name in ("amplitude", "weakest", "ringing")),
-        ("fits", np.bool_), ("edge", np.int8),
+        ("fits", np.bool_),
+        ("edge", np.int8),
     ]
-)  # fmt: skip
+)
 
 Telegrams: TypeAlias = "np.recarray[Any, Any]"
 
@@ -414,8 +418,11 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
     for minimum in limits:
         bursts_of = [find_bursts(piece, minimum) for piece in sample]
         fits = [few.where(few.fits & (np.cumsum(few.fits) <= 64)) for few in bursts_of]
-        cut = [some for piece, few in zip(sample, fits, strict=True)
-               for some in _cut(piece, few, few.bits)]  # fmt: skip
+        cut = [
+            some
+            for piece, few in zip(sample, fits, strict=True)
+            for some in _cut(piece, few, few.bits)
+        ]
         received = [_heard(together, threshold) for _, together in _by_length(cut)]
         inverted = [Pulses(-one.slots).check()[1] for one in received]
         right = {
@@ -488,10 +495,18 @@ def _received(parts: list[_Cut], threshold: float) -> Telegrams:
         bits = received.bits.astype(np.int64)
         weights = 1 << np.arange(n_bits)[::-1]
         fields = [
-            cut.begin + received.start, cut.first, cut.last,
-            np.full(len(bits), n_bits), np.maximum(bits, 0) @ weights, (bits != NONE) @ weights,
-            received.error, received.amplitude * cut.unit, received.weakest, received.ringing,
-            cut.fits, cut.edge,
-        ]  # fmt: skip
+            cut.begin + received.start,
+            cut.first,
+            cut.last,
+            np.full(len(bits), n_bits),
+            np.maximum(bits, 0) @ weights,
+            (bits != NONE) @ weights,
+            received.error,
+            received.amplitude * cut.unit,
+            received.weakest,
+            received.ringing,
+            cut.fits,
+            cut.edge,
+        ]
         telegrams.append(np.rec.fromarrays(fields, dtype=_TELEGRAM))
     return _joined(telegrams)

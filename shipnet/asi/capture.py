@@ -114,9 +114,14 @@ def transactions_of(
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
     some = table.iloc[first]
     sentences = map(
-        _in_words, some["request"], some["request_error"], (calls.half[first] >= 0).tolist(),
-        some["response"], some["response_error"], calls.call[first].tolist(),
-    )  # fmt: skip
+        _in_words,
+        some["request"],
+        some["request_error"],
+        (calls.half[first] >= 0).tolist(),
+        some["response"],
+        some["response_error"],
+        calls.call[first].tolist(),
+    )
     table["text"] = pd.Categorical(list(sentences))[which]
     return table
 
@@ -506,9 +511,8 @@ class Capture:
         if len(broken) or self.disturbances:
             answering = int((slaves["answers"] > 0).sum())
             causes_found = line_causes(
-                self._restored, self.transactions, answering, self.disturbances,
-                self.supply_voltage,
-            )  # fmt: skip
+                self._restored, self.transactions, answering, self.disturbances, self.supply_voltage
+            )
             clear = self._clear if causes_found else self
             causes_found = _power_cause(self) + causes_found
             usual = usual_levels(clear.slaves, plan)
@@ -581,9 +585,13 @@ class Capture:
         for sign in (1, -1):
             ax.axhline(zero + sign * least, color=colour, linestyle=dashes)
         ax.text(
-            1.01, zero - least, f"{least:g} V", transform=ax.get_yaxis_transform(),
-            color=colour, va="center",
-        )  # fmt: skip
+            1.01,
+            zero - least,
+            f"{least:g} V",
+            transform=ax.get_yaxis_transform(),
+            color=colour,
+            va="center",
+        )
         ends, red = ax.get_xaxis_transform(), style.LIMIT["color"]
         per_inch = (stop - start) * ax.figure.dpi / ax.bbox.width
         legible, named = per_inch < 16 * BIT_TIME, -np.inf

@@ -187,9 +187,12 @@ def _fitted(s: npt.NDArray[Any], sent: Complexes, spectra: Complexes) -> Impedan
     values, rest = min(fits, key=lambda fit: fit[1])
     conductance, inverse, capacitance = np.maximum(values, 1e-6) * unit
     return Impedance(
-        float(1 / conductance), float(1 / inverse), float(capacitance),
-        float(rest / np.linalg.norm(weight)), float(stray),
-    )  # fmt: skip
+        float(1 / conductance),
+        float(1 / inverse),
+        float(capacitance),
+        float(rest / np.linalg.norm(weight)),
+        float(stray),
+    )
 
 
 # Causes ----------------------------------------------------------------------------------------

@@ -56,30 +56,46 @@ class Master:
     """
 
     projected: Mapping[str, Profile | str] | None = part(
-        Mapping, "Profiles of the projected slaves by label: the master activates only these "
+        Mapping,
+        "Profiles of the projected slaves by label: the master activates only these "
         "(protected mode); if omitted, it activates all slaves (configuration mode)",
-        default=None, optional=True, make=_no_profiles,
-    )  # fmt: skip
+        default=None,
+        optional=True,
+        make=_no_profiles,
+    )
     outputs: Mapping[str, int] = part(
-        Mapping, "Outputs of each slave by label, 0..15, or 0..7 for an A/B slave; by default all "
-        "bits are set", default_factory=dict, kw_only=True,
-    )  # fmt: skip
+        Mapping,
+        "Outputs of each slave by label, 0..15, or 0..7 for an A/B slave; by default all "
+        "bits are set",
+        default_factory=dict,
+        kw_only=True,
+    )
     repetitions: int = whole(
         0, 7, help="Number of immediate repetitions of a failed request", default=1, kw_only=True
     )
     drop_after: int = whole(
-        1, 1000, help="Number of consecutive data exchanges that fail, repetitions included, "
-        "before a slave is dropped", default=3, kw_only=True,
-    )  # fmt: skip
+        1,
+        1000,
+        help="Number of consecutive data exchanges that fail, repetitions included, "
+        "before a slave is dropped",
+        default=3,
+        kw_only=True,
+    )
     automatic_addressing: bool = switch(
         "True if a new slave at address 0 replaces the only missing slave, provided that both "
-        "have the same profile; in protected mode only", default=False, kw_only=True,
-    )  # fmt: skip
+        "have the same profile; in protected mode only",
+        default=False,
+        kw_only=True,
+    )
     node: str = text("Node of the master; required in a plan", default="", kw_only=True)
     current: float = number(
-        0, 10, "A", "Current drawn from the line; the default assumes a slave's current",
-        default=CURRENT, kw_only=True,
-    )  # fmt: skip
+        0,
+        10,
+        "A",
+        "Current drawn from the line; the default assumes a slave's current",
+        default=CURRENT,
+        kw_only=True,
+    )
 
     def __post_init__(self) -> None:
         if self.node:

@@ -278,8 +278,9 @@ class Modulation:
             return axes
         pulses = self.pulses
         for ax, row, what in [
-            (axes[0], bits, "1 bits to send"), (axes[5], pulses.decode(), "6 bits received"),
-        ]:  # fmt: skip
+            (axes[0], bits, "1 bits to send"),
+            (axes[5], pulses.decode(), "6 bits received"),
+        ]:
             ax.step(edges[::2], [int(bit) for bit in row + row[-1]], where="post", color="C0")
             _write_bits(ax, row, 0.5)
             ax.set(ylabel="level [1]", ylim=(-0.2, 1.2), title=what)

@@ -346,9 +346,15 @@ class Plan:
         ['1', '2', '3'] []
         """
         return record_segment(
-            self.only("record"), duration, node=node, dt=dt, weak=weak or {},
-            disturbance=disturbance, amplitude=amplitude, rng=rng,
-        )  # fmt: skip
+            self.only("record"),
+            duration,
+            node=node,
+            dt=dt,
+            weak=weak or {},
+            disturbance=disturbance,
+            amplitude=amplitude,
+            rng=rng,
+        )
 
     def quality(self) -> Quality:
         """Return the signal quality of each slave's 16 responses, for a one-segment plan."""
@@ -448,9 +454,10 @@ class Plan:
         for slave, segment in self.located:
             cycle, delay = cycles[segment.line], segment.delay
             polled: dict[str, Any] = {
-                "channels": slave.channels, "direction": direction,
+                "channels": slave.channels,
+                "direction": direction,
                 "paired": used[segment.line, slave.address] > 1,
-            }  # fmt: skip
+            }
             try:
                 if one.master_pause * one.bit_time + 2 * delay > one.timeout * one.bit_time:
                     raise ArgumentError("its repeaters delay responses beyond the time-out")
@@ -514,9 +521,8 @@ class Plan:
             for node in dict.fromkeys(slave.node for slave in self.slaves):
                 labels = " ".join(slave.label for slave in self.slaves if slave.node == node)
                 ax.annotate(
-                    labels, tuple(spots[node]), (0, 6), textcoords="offset points",
-                    ha="center",
-                )  # fmt: skip
+                    labels, tuple(spots[node]), (0, 6), textcoords="offset points", ha="center"
+                )
         for label, (marker, colour, size) in _MARKS.items():
             if points[label] or (table is not None and label.startswith("slave,")):
                 look = {"marker": marker, "color": colour, "markersize": size, "linestyle": "none"}
@@ -597,11 +603,14 @@ class Comparison:
         """Return the worst values of all slaves, one row per plan."""
         rows = {
             name: (
-                len(q.received), q.received.min(), q.level_least.min(), q.evenness.min(),
+                len(q.received),
+                q.received.min(),
+                q.level_least.min(),
+                q.evenness.min(),
                 q.ringing.max(),
             )
             for name, q in self.qualities.items()
-        }  # fmt: skip
+        }
         columns = ["slaves", "received", "level_least_Vpp", "evenness", "ringing"]
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("plan")

@@ -51,23 +51,45 @@ _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]]
     "supply": (Supply, {"node": "node"}, {"voltage": "voltage_v", "rating": "rating_a"}),
     "cable": (CableRun, {"a": "node", "b": "to", "length": "length_m"}, {"cable": "cable"}),
     "repeater": (
-        Repeater, {"a": "node", "b": "to"}, {"delay": "delay_us", "current": "current_ma"},
+        Repeater,
+        {"a": "node", "b": "to"},
+        {"delay": "delay_us", "current": "current_ma"},
     ),
     "terminator": (
-        Terminator, {"node": "node"},
+        Terminator,
+        {"node": "node"},
         {"resistance": "resistance_ohm", "inductance": "inductance_uh"},
     ),
     "slave": (
-        Slave, {"node": "node", "label": "address"},
-        {"profile": "profile", "current": "current_ma", "channels": "channels",
-         "conversion": "conversion_ms"},
+        Slave,
+        {"node": "node", "label": "address"},
+        {
+            "profile": "profile",
+            "current": "current_ma",
+            "channels": "channels",
+            "conversion": "conversion_ms",
+        },
     ),
-}  # fmt: skip
+}
 
 #: Columns of a plan file, in the order in which they are written.
-COLUMNS = ("kind", "node", "to", "length_m", "cable", "address", "profile", "current_ma",
-           "channels", "conversion_ms", "voltage_v", "rating_a", "delay_us",
-           "resistance_ohm", "inductance_uh")  # fmt: skip
+COLUMNS = (
+    "kind",
+    "node",
+    "to",
+    "length_m",
+    "cable",
+    "address",
+    "profile",
+    "current_ma",
+    "channels",
+    "conversion_ms",
+    "voltage_v",
+    "rating_a",
+    "delay_us",
+    "resistance_ohm",
+    "inductance_uh",
+)
 
 
 #: Remarks on elements, by `note_key`.
@@ -155,8 +177,11 @@ def _element(row: dict[str, str], point: str) -> tuple[Element | None, list[str]
         return None, [f"column kind: {row['kind']!r}; expected one of {', '.join(_KINDS)}"]
     make, needed, optional = _KINDS[name]
     arguments: dict[str, Any] = {}
-    faults = [f"column {column} is empty; a {name} needs it" for column in needed.values()
-              if not row[column]]  # fmt: skip
+    faults = [
+        f"column {column} is empty; a {name} needs it"
+        for column in needed.values()
+        if not row[column]
+    ]
     for argument, column in (needed | optional).items():
         try:
             if row[column]:

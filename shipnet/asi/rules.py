@@ -90,9 +90,17 @@ def check_lines(
     verdict = np.where(np.isnan(value), "not verified", np.where(beyond, "violated", "met"))
     reason = [said or note for said, note in zip(why, limit["note"], strict=True)]
     columns = (
-        rule, name, value, low, high, limit["unit"], verdict, reason, limit["source"],
+        rule,
+        name,
+        value,
+        low,
+        high,
+        limit["unit"],
+        verdict,
+        reason,
+        limit["source"],
         limit["graded"],
-    )  # fmt: skip
+    )
     return pd.DataFrame(dict(zip((*COLUMNS, "graded"), columns, strict=True)))
 
 

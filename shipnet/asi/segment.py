@@ -221,9 +221,13 @@ def quality_of(*waves: Waveform) -> Quality:
         parts.append(np.stack([np.ptp(wave.u, axis=-1), weakest, ringing, right]))
     level, weakest, ringing, right = np.concatenate(parts, axis=2)
     return Quality(
-        level.min(axis=1), level.max(axis=1), weakest.min(axis=1), ringing.max(axis=1),
-        right.mean(axis=1), waves[0].names,
-    )  # fmt: skip
+        level.min(axis=1),
+        level.max(axis=1),
+        weakest.min(axis=1),
+        ringing.max(axis=1),
+        right.mean(axis=1),
+        waves[0].names,
+    )
 
 
 # Segments -------------------------------------------------------------------------------------

@@ -535,9 +535,13 @@ def simulate(
     leading = [RunningMaster(master or Master())]
     repetitions = [one.repetitions for one in (leading[0], standby and standby.master) if one]
     channel = Channel(
-        stations, transaction, 1 + max(repetitions), check_rng(rng),
-        cycles=most, until=end / transaction.bit_time,
-    )  # fmt: skip
+        stations,
+        transaction,
+        1 + max(repetitions),
+        check_rng(rng),
+        cycles=most,
+        until=end / transaction.bit_time,
+    )
 
     for fault in as_faults(faults, LineFault):
         fault.apply(channel, stations)

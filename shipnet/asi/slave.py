@@ -105,21 +105,36 @@ class Slave:
         0, 10, "A", "Current from the line, including sensors", default=CURRENT, kw_only=True
     )
     id1: int | None = whole(
-        0, 15, help="Extended ID code 1 (up to 7 for an A/B slave; all bits set if omitted)",
-        default=None, optional=True, kw_only=True,
-    )  # fmt: skip
+        0,
+        15,
+        help="Extended ID code 1 (up to 7 for an A/B slave; all bits set if omitted)",
+        default=None,
+        optional=True,
+        kw_only=True,
+    )
     watchdog: float = number(
-        0, inf, "s", "Time without data or parameters after which the slave resets itself",
-        default=WATCHDOG, kw_only=True,
-    )  # fmt: skip
+        0,
+        inf,
+        "s",
+        "Time without data or parameters after which the slave resets itself",
+        default=WATCHDOG,
+        kw_only=True,
+    )
     channels: int = whole(
-        1, CHANNELS, help="Number of analogue values, if its profile transfers values",
-        default=1, kw_only=True,
-    )  # fmt: skip
+        1,
+        CHANNELS,
+        help="Number of analogue values, if its profile transfers values",
+        default=1,
+        kw_only=True,
+    )
     conversion: float = number(
-        0, 10, "s", "Time to convert an analogue value; manufacturers state 20 to 60 ms",
-        default=CONVERSION, kw_only=True,
-    )  # fmt: skip
+        0,
+        10,
+        "s",
+        "Time to convert an analogue value; manufacturers state 20 to 60 ms",
+        default=CONVERSION,
+        kw_only=True,
+    )
     load: Load = field(default=DEVICE, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -205,8 +220,12 @@ KINDS: tuple[Half | None, ...] = (None, "A", "B")
 
 #: Calls that can change which slave is at which address.
 MOVING = (
-    Call.ASSIGN_ADDRESS, Call.WRITE_ID1, Call.DELETE_ADDRESS, Call.RESET, Call.BROADCAST_RESET,
-)  # fmt: skip
+    Call.ASSIGN_ADDRESS,
+    Call.WRITE_ID1,
+    Call.DELETE_ADDRESS,
+    Call.RESET,
+    Call.BROADCAST_RESET,
+)
 
 
 @cache

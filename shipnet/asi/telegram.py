@@ -88,41 +88,65 @@ class Call(IntEnum):
         return self._rule
 
     DATA_EXCHANGE = Rule(
-        "data exchange", "0aaaaa0dddd", extended="0aaaaa0Sddd", lowest_address=1, answer="inputs",
+        "data exchange",
+        "0aaaaa0dddd",
+        extended="0aaaaa0Sddd",
+        lowest_address=1,
+        answer="inputs",
         says="data exchange with slave {slave}: outputs {bits} ({data:X})",
-    )  # fmt: skip
+    )
     WRITE_PARAMETER = Rule(
-        "write parameter", "0aaaaa1dddd", extended="0aaaaa1Sddd", lowest_address=1, symbol="P",
-        says="write parameter {bits} ({data:X}) to slave {slave}", answer="parameter",
-    )  # fmt: skip
+        "write parameter",
+        "0aaaaa1dddd",
+        extended="0aaaaa1Sddd",
+        lowest_address=1,
+        symbol="P",
+        says="write parameter {bits} ({data:X}) to slave {slave}",
+        answer="parameter",
+    )
     ASSIGN_ADDRESS = Rule(
-        "assign address", "000000ddddd", symbol="A", answer=Answer.DONE,
+        "assign address",
+        "000000ddddd",
+        symbol="A",
+        answer=Answer.DONE,
         says="assign address {data} to the slave at address 0",
-    )  # fmt: skip
+    )
     WRITE_ID1 = Rule(
-        "write extended ID code 1", "1000000dddd", symbol="ID", answer=Answer.ERASED,
+        "write extended ID code 1",
+        "1000000dddd",
+        symbol="ID",
+        answer=Answer.ERASED,
         says="write extended ID code 1 {bits} ({data:X}) to the slave at address 0",
-    )  # fmt: skip
+    )
     DELETE_ADDRESS = Rule(
-        "delete address", "1aaaaa0s000", lowest_address=1, answer=Answer.ERASED,
+        "delete address",
+        "1aaaaa0s000",
+        lowest_address=1,
+        answer=Answer.ERASED,
         says="delete the address of slave {slave}",
-    )  # fmt: skip
+    )
     RESET = Rule("reset slave", "1aaaaa1S100", "reset slave {slave}", answer=Answer.DONE)
     READ_IO_CONFIGURATION = Rule(
-        "read I/O configuration", "1aaaaa1s000", answer="I/O configuration",
+        "read I/O configuration",
+        "1aaaaa1s000",
+        answer="I/O configuration",
         says="read the I/O configuration of slave {slave}",
-    )  # fmt: skip
+    )
     READ_ID = Rule(
         "read ID code", "1aaaaa1s001", "read the ID code of slave {slave}", answer="ID code"
     )
     READ_ID1 = Rule(
-        "read extended ID code 1", "1aaaaa1s010", answer="extended ID code 1",
+        "read extended ID code 1",
+        "1aaaaa1s010",
+        answer="extended ID code 1",
         says="read extended ID code 1 of slave {slave}",
-    )  # fmt: skip
+    )
     READ_ID2 = Rule(
-        "read extended ID code 2", "1aaaaa1s011", answer="extended ID code 2",
+        "read extended ID code 2",
+        "1aaaaa1s011",
+        answer="extended ID code 2",
         says="read extended ID code 2 of slave {slave}",
-    )  # fmt: skip
+    )
     READ_STATUS = Rule(
         "read status", "1aaaaa1S110", "read the status of slave {slave}", answer="status"
     )
@@ -142,13 +166,20 @@ REQUEST_BITS, RESPONSE_BITS = 14, 7
 #: Parts of a telegram by its number of bits: label, number of bits, key of `style.FIELD`.
 _PARTS = {
     REQUEST_BITS: (
-        ("ST", 1, "frame"), ("CB", 1, "control"), ("address A4..A0", 5, "address"),
-        ("information I4..I0", 5, "information"), ("PB", 1, "parity"), ("EB", 1, "frame"),
+        ("ST", 1, "frame"),
+        ("CB", 1, "control"),
+        ("address A4..A0", 5, "address"),
+        ("information I4..I0", 5, "information"),
+        ("PB", 1, "parity"),
+        ("EB", 1, "frame"),
     ),
     RESPONSE_BITS: (
-        ("ST", 1, "frame"), ("I3..I0", 4, "information"), ("PB", 1, "parity"), ("EB", 1, "frame"),
+        ("ST", 1, "frame"),
+        ("I3..I0", 4, "information"),
+        ("PB", 1, "parity"),
+        ("EB", 1, "frame"),
     ),
-}  # fmt: skip
+}
 
 
 def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> Axes:

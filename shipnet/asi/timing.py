@@ -66,13 +66,21 @@ class Transaction:
     slave_pause: float = number(0, 1e9, "bit times", "Pause after the response", default=2.0)
     bit_time: float = number(1e-12, 1e3, "s", "Length of a bit", default=BIT_TIME)
     unsynchronised: float = number(
-        0, 10, "bit times", "Additional delay of a slave that is not synchronised",
-        default=2.0, kw_only=True,
-    )  # fmt: skip
+        0,
+        10,
+        "bit times",
+        "Additional delay of a slave that is not synchronised",
+        default=2.0,
+        kw_only=True,
+    )
     timeout: float = number(
-        2, 24, "bit times", "How long the master waits for the start of a response",
-        default=10.0, kw_only=True,
-    )  # fmt: skip
+        2,
+        24,
+        "bit times",
+        "How long the master waits for the start of a response",
+        default=10.0,
+        kw_only=True,
+    )
 
     @property
     def bits(self) -> float:
@@ -126,9 +134,11 @@ class Transaction:
         pause = {"facecolor": style.FIELD["pause"], "edgecolor": "0.3", "linestyle": ":"}
         start = 0.0
         for name, length, telegram in [
-            ("request", REQUEST_BITS, request), ("master pause", self.master_pause, None),
-            ("response", RESPONSE_BITS, response), ("slave pause", self.slave_pause, None),
-        ]:  # fmt: skip
+            ("request", REQUEST_BITS, request),
+            ("master pause", self.master_pause, None),
+            ("response", RESPONSE_BITS, response),
+            ("slave pause", self.slave_pause, None),
+        ]:
             if telegram is None:
                 style.box(ax, start, 0, length, 1, **pause)
             else:
@@ -212,9 +222,13 @@ class Cycle:
 
     slaves: int = whole(0, 2 * ADDRESSES, help="Number of slaves n", default=ADDRESSES)
     pairs: int | None = whole(
-        0, ADDRESSES, help="Number of addresses that two slaves share; by default the minimum",
-        default=None, optional=True, kw_only=True,
-    )  # fmt: skip
+        0,
+        ADDRESSES,
+        help="Number of addresses that two slaves share; by default the minimum",
+        default=None,
+        optional=True,
+        kw_only=True,
+    )
     transaction: Transaction = part(
         Transaction, "One exchange", default=Transaction(), kw_only=True
     )

@@ -65,9 +65,15 @@ def line(
     slave voltage: 24.47 V at slave 31B at 100 m, at least 26.5 V (38 violated)
     """
     plan = star(
-        length, (), along=slaves, pairs=pairs, master=master, supply=supply, cable=cable,
+        length,
+        (),
+        along=slaves,
+        pairs=pairs,
+        master=master,
+        supply=supply,
+        cable=cable,
         current=current,
-    )  # fmt: skip
+    )
     if terminator is None:
         return plan
     return plan_of([*plan, Terminator(_node(length), terminator, inductance=1e3)])

@@ -238,9 +238,15 @@ def test_one_unanswered_data_exchange_is_not_evidence_of_anything():
 
 @pytest.mark.parametrize(
     ("answered", "verdict", "value"),
-    [((), "violated", 4), ((0,), "violated", 3), ((0, 3), "violated", 2), ((0, 2), "met", 1),
-     ((3,), "violated", 3), ((0, 1, 2, 3), "met", 0)],
-)  # fmt: skip
+    [
+        ((), "violated", 4),
+        ((0,), "violated", 3),
+        ((0, 3), "violated", 2),
+        ((0, 2), "met", 1),
+        ((3,), "violated", 3),
+        ((0, 1, 2, 3), "met", 0),
+    ],
+)
 def test_a_repetition_needs_a_response(answered, verdict, value):
     capture = asked([REQUESTS[1]] * 4, answered)
     assert silence(capture).iloc[0].tolist() == [verdict, value]

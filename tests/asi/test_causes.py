@@ -17,10 +17,16 @@ from shipnet.line import Load
 from tests.support import several
 
 CABLE, SECOND, INDUCTANCE, INTERFERENCE, DUPLICATE, WEAK, SILENT, REVERSED, POWER = CAUSES = (
-    "cable too long or a stub", "second supply", "supply inductance missing or wrong",
-    "interference", "duplicate address", "weak slave", "silent slave", "reversed probe",
+    "cable too long or a stub",
+    "second supply",
+    "supply inductance missing or wrong",
+    "interference",
+    "duplicate address",
+    "weak slave",
+    "silent slave",
+    "reversed probe",
     "power fail",
-)  # fmt: skip
+)
 NONE = "none"
 
 #: The rules were derived from the trees of seeds 0 to 59, with noise of 0.02 to 0.2 V. No cause may
@@ -80,9 +86,9 @@ def long_tree(rng):
 def bad_load(rng):
     """Return the load of a supply whose decoupling is wrong."""
     low, high = rng.uniform(10e-6, 45e-6), rng.uniform(250e-6, 1e-3)
-    return (
-        Load(r=78.0), Load(l=100e-6), Load(r=78.0, l=low), Load(r=78.0, l=high), Load(r=0.2),
-    )[rng.integers(5)]  # fmt: skip
+    return (Load(r=78.0), Load(l=100e-6), Load(r=78.0, l=low), Load(r=78.0, l=high), Load(r=0.2))[
+        rng.integers(5)
+    ]
 
 
 def interference(rng):

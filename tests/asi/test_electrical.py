@@ -151,9 +151,12 @@ def test_a_signal_that_is_lost_counts_as_bad():
     assert (quality.received < 1).all()
     assert (quality.evenness < 0.65).all()
     silence = Plan(
-        [CableRun("a", "b", 100)], [Master(node="a")], [Supply("a")], [Slave("1", node="b")],
+        [CableRun("a", "b", 100)],
+        [Master(node="a")],
+        [Supply("a")],
+        [Slave("1", node="b")],
         terminators=[Terminator("b", 1.0)],
-    )  # fmt: skip
+    )
     dead = silence.segments[0].signals()
     assert (dead.received[0], dead.evenness[0], dead.ringing[0]) == (0, 0, 1)
 
@@ -179,12 +182,17 @@ def test_segments_without_listeners_or_without_a_head():
 
 def test_a_repeater_in_the_middle_of_a_ring():
     plan = Plan(
-        [CableRun("a", "b", 20), CableRun("b", "c", 20), CableRun("c", "a", 20),
-         CableRun("d", "e", 10)],
-        [Master(node="a")], [Supply("a"), Supply("d")],
+        [
+            CableRun("a", "b", 20),
+            CableRun("b", "c", 20),
+            CableRun("c", "a", 20),
+            CableRun("d", "e", 10),
+        ],
+        [Master(node="a")],
+        [Supply("a"), Supply("d")],
         [Slave("1", node="c"), Slave("2", node="e")],
         [Repeater("b", "d")],
-    )  # fmt: skip
+    )
     assert [segment.reach for segment in plan.segments] == [20, 30]
     assert (plan.segments[0].signals().received == 1).all()
 

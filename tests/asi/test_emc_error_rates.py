@@ -73,9 +73,11 @@ def close(rate, published):
 
 @pytest.mark.parametrize(
     ("matched", "minimum", "published"),
-    [(True, 0.9, {0.5: 1.9e-3, 0.6: 1.9e-2, 0.8: 0.18, 1.0: 0.49}),
-     (False, 1.2, {0.3: 3.8e-3, 0.4: 0.11, 0.5: 0.50, 0.6: 0.86, 0.8: 0.997})],
-)  # fmt: skip
+    [
+        (True, 0.9, {0.5: 1.9e-3, 0.6: 1.9e-2, 0.8: 0.18, 1.0: 0.49}),
+        (False, 1.2, {0.3: 3.8e-3, 0.4: 0.11, 0.5: 0.50, 0.6: 0.86, 0.8: 0.997}),
+    ],
+)
 def test_noise_destroys_the_published_fraction_of_telegrams(matched, minimum, published):
     table = rates_of(
         NEAR, Noise(), list(published), 12_000, rng(), matched=matched, minimum=minimum
@@ -162,9 +164,16 @@ def test_small_rates_do_not_drown_in_rounding():
 def test_a_table_counts_every_telegram_and_every_check():
     table = rates_of(NEAR, Noise(), [0, 0.5, 3], 3000, rng(), matched=False)
     assert list(table.columns[:9]) == [
-        "amplitude_V", "silence_s", "telegrams", "failed", "undetected", "rate", "rate_low",
-        "rate_high", "undetected_high",
-    ]  # fmt: skip
+        "amplitude_V",
+        "silence_s",
+        "telegrams",
+        "failed",
+        "undetected",
+        "rate",
+        "rate_low",
+        "rate_high",
+        "undetected_high",
+    ]
     assert list(table.columns[9:]) == [*CLASSES, "silence"]
     assert (table["telegrams"] == 3000).all()
     assert (table["rate"] == table["failed"] / 3000).all()

@@ -114,8 +114,11 @@ def test_each_wave_has_a_row():
     }
     whole = rare_error_rates(waves, DENSITY([0.4, 0.3]), 6000, receiver=PROOF)
     assert whole[["wave", "telegrams"]].to_numpy().tolist() == [
-        ["line", 6000], ["line", 6000], ["star", 6000], ["star", 6000],
-    ]  # fmt: skip
+        ["line", 6000],
+        ["line", 6000],
+        ["star", 6000],
+        ["star", 6000],
+    ]
     assert whole["noise_density"].tolist() == [*DENSITY([0.4, 0.3])] * 2
 
 

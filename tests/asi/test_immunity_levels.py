@@ -51,8 +51,11 @@ def test_the_gaps_follow_from_the_numbers():
         ("radio-frequency field", "highest frequency"),
     ]
     assert gaps.value_counts().to_dict() == {
-        "covers": 15, "not asked": 4, "test missing": 3, "below": 2,
-    }  # fmt: skip
+        "covers": 15,
+        "not asked": 4,
+        "test missing": 3,
+        "below": 2,
+    }
     assert gaps["surge, line to earth", "peak voltage"] == "test missing"
     assert gaps["pulsed field", "field strength"] == "not asked"
     assert row("electrostatic discharge, contact", "voltage")["ratio"] == pytest.approx(2 / 3)

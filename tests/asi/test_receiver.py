@@ -526,9 +526,13 @@ def test_samples_may_have_any_memory_layout(matched):
     u, fine = ideal(RESPONSES, 250e-9, start=5e-6), ideal(RESPONSES, 125e-9)
     assert not receive(u, 250e-9, 7, matched=matched).error.any()
     for same in (
-        np.repeat(u, 3, axis=1)[:, ::3], np.asfortranarray(u), u[::-1, ::-1][::-1, ::-1],
-        fine[:, ::2], np.asfortranarray(fine[:, ::2]), fine[::-3, ::2],
-    ):  # fmt: skip
+        np.repeat(u, 3, axis=1)[:, ::3],
+        np.asfortranarray(u),
+        u[::-1, ::-1][::-1, ::-1],
+        fine[:, ::2],
+        np.asfortranarray(fine[:, ::2]),
+        fine[::-3, ::2],
+    ):
         heard = receive(same, 250e-9, 7, matched=matched)
         expected = receive(same.copy("C"), 250e-9, 7, matched=matched)
         for one, other in zip(heard, expected, strict=True):

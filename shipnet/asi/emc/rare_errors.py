@@ -255,9 +255,14 @@ def _draw(
         if credit is not None:
             credit[word] += (x / ratio) @ each
         new = {
-            "n": len(lost), "w": weight.sum(), "ww": weight @ weight, "x": x.sum(), "xx": x @ x,
-            "lost": lost.sum(), "far": x[ratio < 1].sum(),
-        }  # fmt: skip
+            "n": len(lost),
+            "w": weight.sum(),
+            "ww": weight @ weight,
+            "x": x.sum(),
+            "xx": x @ x,
+            "lost": lost.sum(),
+            "far": x[ratio < 1].sum(),
+        }
         for name, value in new.items():
             totals[name] += float(value)
         totals["largest"] = max(totals["largest"], float(x.max()))
