@@ -312,32 +312,6 @@ def _cycle_time(transactions: pd.DataFrame, asked: pd.DataFrame) -> float:
     return float(times.median()) if len(times) else float("nan")
 
 
-def _who(capture: Capture) -> pd.DataFrame:
-    """Return each transaction's slave and call, reading bad requests from the restored record."""
-    rows = capture.transactions
-    address = rows["address"].astype(object).fillna(NONE).to_numpy(np.int64)
-    half, calls = rows["half"].tolist(), rows["call"].tolist()
-    names = [UNKNOWN if a == NONE else f"{a}{h}" for a, h in zip(address, half, strict=True)]
-    names = ["" if c == "broadcast reset" else n for c, n in zip(calls, names, strict=True)]
-    asked = pd.DataFrame({"slave": names, "call": calls}, index=rows.index, dtype=object)
-    bad = ~rows["request_error"].isin(_FINE).to_numpy()
-    if not bad.any() or not len(capture._restored.start):
-        return asked
-    there, words = capture._restored.start, capture._restored.words
-    read = Requests.parse(words, extended=np.isin(words >> 7 & 31, capture.extended))
-    start = rows["start_s"].to_numpy()
-    near = np.minimum(np.searchsorted(there, start - _SAME), len(there) - 1)
-    near[~(np.abs(start - there[near]) < _SAME) | (read.error[near] > 0) | ~bad] = -1
-    # Bad requests with the same received bits are taken to be the same request.
-    texts = rows["request"].tolist()
-    meant = {texts[row]: int(near[row]) for row in np.flatnonzero(near >= 0)}
-    for row in np.flatnonzero(bad & rows["request"].isin(meant).to_numpy()):
-        k = meant[texts[row]]
-        names[row] = f"{read.address[k]}{('A', 'B', '')[read.half[k]]}"
-        calls[row] = Call(int(read.call[k])).rule.title
-    return asked.assign(slave=names, call=calls)
-
-
 def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
     """Return a table with one row per addressed slave and one for unreadable addresses."""
     rows = transactions.assign(slave=asked["slave"])[asked["slave"] != ""]
@@ -674,7 +648,28 @@ class Capture:
     @cached_property
     def _asked(self) -> pd.DataFrame:
         """Slave and call of each transaction, including each bad request that can be restored."""
-        return _who(self)
+        rows = self.transactions
+        address = rows["address"].astype(object).fillna(NONE).to_numpy(np.int64)
+        half, calls = rows["half"].tolist(), rows["call"].tolist()
+        names = [UNKNOWN if a == NONE else f"{a}{h}" for a, h in zip(address, half, strict=True)]
+        names = ["" if c == "broadcast reset" else n for c, n in zip(calls, names, strict=True)]
+        asked = pd.DataFrame({"slave": names, "call": calls}, index=rows.index, dtype=object)
+        bad = ~rows["request_error"].isin(_FINE).to_numpy()
+        if not bad.any() or not len(self._restored.start):
+            return asked
+        there, words = self._restored.start, self._restored.words
+        read = Requests.parse(words, extended=np.isin(words >> 7 & 31, self.extended))
+        start = rows["start_s"].to_numpy()
+        near = np.minimum(np.searchsorted(there, start - _SAME), len(there) - 1)
+        near[~(np.abs(start - there[near]) < _SAME) | (read.error[near] > 0) | ~bad] = -1
+        # Bad requests with the same received bits are taken to be the same request.
+        texts = rows["request"].tolist()
+        meant = {texts[row]: int(near[row]) for row in np.flatnonzero(near >= 0)}
+        for row in np.flatnonzero(bad & rows["request"].isin(meant).to_numpy()):
+            k = meant[texts[row]]
+            names[row] = f"{read.address[k]}{('A', 'B', '')[read.half[k]]}"
+            calls[row] = Call(int(read.call[k])).rule.title
+        return asked.assign(slave=names, call=calls)
 
     @cached_property
     def _silences(self) -> dict[str, list[int]]:

@@ -73,22 +73,9 @@ _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]]
 }
 
 #: Columns of a plan file, in the order in which they are written.
-COLUMNS = (
-    "kind",
-    "node",
-    "to",
-    "length_m",
-    "cable",
-    "address",
-    "profile",
-    "current_ma",
-    "channels",
-    "conversion_ms",
-    "voltage_v",
-    "rating_a",
-    "delay_us",
-    "resistance_ohm",
-    "inductance_uh",
+COLUMNS = tuple(
+    "kind node to length_m cable address profile current_ma channels conversion_ms voltage_v "
+    "rating_a delay_us resistance_ohm inductance_uh".split()
 )
 
 

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shipnet.arrays import Complexes, Floats
+from shipnet.arrays import Floats
 from shipnet.asi.master import FAULTY, SILENT, Phase, RunningMaster
-from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spectrum
+from shipnet.asi.modulation import HALF_BIT, Modulation
 from shipnet.asi.receiver import Disturbance, RNGLike, receive
+from shipnet.asi.segment import Segment, step_response
 from shipnet.asi.slave import RunningSlave
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar
-from shipnet.line.waveform import F_MAX, Waveform, record_of
-
-if TYPE_CHECKING:
-    from shipnet.asi.segment import Segment
+from shipnet.line.waveform import Waveform
 
 #: Duration for which the voltage of a current step is computed [s]; no line rings longer.
 _RINGS = 250e-6
@@ -52,11 +49,7 @@ class _Recorder:
         self.dt, self.slot, self.at = dt, round(HALF_BIT / dt), round(_AHEAD / dt)
 
         def heard(sender: str, rows: list[int]) -> Floats:
-            def change(s: Complexes) -> Complexes:
-                z = network.transfer(sender, s)[..., rows, :]
-                return np.asarray(-z * SEND_CURRENT * ramp_spectrum(s) / s)
-
-            u = record_of(change, round(_RINGS / dt), dt, F_MAX)
+            u = step_response(network, sender, rows, round(_RINGS / dt), dt)
             # Fade out the end, which would otherwise be a step.
             return u * np.minimum(1, 2 * np.linspace(1, 0, u.shape[-1]))
 

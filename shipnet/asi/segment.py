@@ -117,6 +117,24 @@ PROBES = ("01010101010101", "01111111111111", "00011111111111")
 # Telegrams as voltages -------------------------------------------------------------------------
 
 
+def step_response(
+    network: Network,
+    sender: str,
+    rows: Sequence[int],
+    size: int,
+    dt: float,
+    before: float = 0.0,
+    f_max: float = F_MAX,
+) -> Floats:
+    """Return the voltage [V] in `rows` of the network if the current steps at `before` [s]."""
+
+    def voltage(s: Complexes) -> Complexes:
+        step = -SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before)
+        return np.asarray(network.transfer(sender, s)[..., rows, :] * step)
+
+    return record_of(voltage, size, dt, f_max)
+
+
 def telegram_voltages(
     network: Network,
     master: str,
@@ -142,19 +160,13 @@ def telegram_voltages(
     # The record has a whole number of samples; any other length would stretch its time axis.
     sizes = [ceil(round((before + steps.shape[1] * HALF_BIT + after) / dt, 6)) for steps in many]
     rows = [network.index(node, "node") for node in nodes]
-
-    def change(s: Complexes) -> Complexes:
-        response_to_step = network.transfer(master, s)[..., rows, :]
-        response_to_step *= -SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before)
-        return response_to_step
-
     # A telegram is a sequence of equal current steps.
-    response_to_step = record_of(change, max(sizes), dt, f_max)
+    response = step_response(network, master, rows, max(sizes), dt, before, f_max)
     voltages = []
     for steps, n_t in zip(many, sizes, strict=True):
         changes = np.zeros((len(nodes), steps.shape[1], n_t))
         for step in range(steps.shape[1]):
-            changes[:, step, step * slot :] = response_to_step[:, : n_t - step * slot]
+            changes[:, step, step * slot :] = response[:, : n_t - step * slot]
         voltages.append(np.asarray(steps @ changes))
     return voltages
 
