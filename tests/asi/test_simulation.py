@@ -685,7 +685,7 @@ def test_the_table_spells_the_requests():
         request = Request(call, row["address"], row["request_data"], half)
         assert row["request"] == request.bits
         if row["response_data"] >= 0:
-            assert "the standard asks" not in str(Response(row["response_data"], call))
+            assert "requires" not in str(Response(row["response_data"], call))
 
 
 def test_failures_of_two_slaves_are_not_taken_for_one_series():

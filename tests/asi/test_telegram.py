@@ -238,7 +238,7 @@ def test_answers_of_every_call():
         if isinstance(call.rule.answer, int):
             assert request.answer() == Response(call.rule.answer, call)
         answer = request.answer(call.rule.answer if isinstance(call.rule.answer, int) else 5)
-        assert "the standard asks" not in str(answer)
+        assert "requires" not in str(answer)
         assert Response.parse(answer.bits, call) == answer
         assert str(answer).startswith(f"response to {call.rule.title}: ")
     surprise = Response(3, Call.RESET)
