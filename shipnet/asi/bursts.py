@@ -416,8 +416,8 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
     """Return which of `limits` [V] and which polarity (1, -1) yield the most correct telegrams."""
     best, most = (0.0, 1), -1
     for minimum in limits:
-        bursts_of = [find_bursts(piece, minimum) for piece in sample]
-        fits = [few.where(few.fits & (np.cumsum(few.fits) <= 64)) for few in bursts_of]
+        per_piece = [find_bursts(piece, minimum) for piece in sample]
+        fits = [few.where(few.fits & (np.cumsum(few.fits) <= 64)) for few in per_piece]
         cut = [
             some
             for piece, few in zip(sample, fits, strict=True)
@@ -430,11 +430,11 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
             -1: sum(int((error == 0).sum()) for error in inverted),
         }
         # In a tie, the first pulses decide: they are negative unless the record is inverted.
-        heights = sum(int(np.sign(bursts.height).sum()) for bursts in bursts_of)
+        heights = sum(int(np.sign(bursts.height).sum()) for bursts in per_piece)
         sign = -1 if (right[-1], heights) > (right[1], 0) else 1
         if right[sign] > most:
             best, most = (minimum, sign), right[sign]
-        if 2 * right[sign] > sum(int((some.pulses >= _FEWEST_PULSES).sum()) for some in bursts_of):
+        if 2 * right[sign] > sum(int((some.pulses >= _FEWEST_PULSES).sum()) for some in per_piece):
             break
     return best
 
@@ -461,13 +461,15 @@ def _cut(piece: Piece, bursts: Bursts, edge: Integers, sign: int = 1) -> list[_C
     around = piece.around[piece.margin - before :]
     for n_bits in _SPANS:
         length = before + round(2 * n_bits * HALF_BIT / piece.step) + behind
-        these, which = bursts.where(bursts.bits == n_bits), edge[bursts.bits == n_bits]
-        unit = np.abs(these.height)
-        rows = np.lib.stride_tricks.sliding_window_view(around, length)[these.first]
+        of_length, which = bursts.where(bursts.bits == n_bits), edge[bursts.bits == n_bits]
+        unit = np.abs(of_length.height)
+        rows = np.lib.stride_tricks.sliding_window_view(around, length)[of_length.first]
         rows /= sign * unit.astype(np.float32)[:, np.newaxis]
-        indices: tuple[Any, ...] = (these.first - before, these.first, these.last)
+        indices: tuple[Any, ...] = (of_length.first - before, of_length.first, of_length.last)
         begin, first, last = (piece.start + at * piece.step for at in indices)
-        parts.append(_Cut(n_bits, piece.step, rows, begin, first, last, unit, these.fits, which))
+        parts.append(
+            _Cut(n_bits, piece.step, rows, begin, first, last, unit, of_length.fits, which)
+        )
     return parts
 
 

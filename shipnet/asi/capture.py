@@ -481,30 +481,28 @@ class Capture:
         {'weak slave': '2'}
         """
         broken, slaves = self.check(plan).violated(), self.slaves
-        causes_found: list[Found] = []
+        causes: list[Found] = []
         if len(broken) or self.disturbances:
             answering = int((slaves["answers"] > 0).sum())
-            causes_found = line_causes(
+            causes = line_causes(
                 self._restored, self.transactions, answering, self.disturbances, self.supply_voltage
             )
-            clear = self._clear if causes_found else self
-            causes_found = _power_cause(self) + causes_found
+            clear = self._clear if causes else self
+            causes = _power_cause(self) + causes
             usual = usual_levels(clear.slaves, plan)
             senders = sender_causes(clear.slaves, usual, clear.disturbances, clear._silences)
             explained = set()
             # What silences most slaves is a fault of the line.
-            if causes_found and 2 * [one.cause for one in senders].count(SILENT) > len(
-                clear._silences
-            ):
+            if causes and 2 * [one.cause for one in senders].count(SILENT) > len(clear._silences):
                 explained.add(SILENT)
             # Such faults explain bad telegrams, but not a few bursts between good ones.
-            causes = {one.cause for one in causes_found}
-            few = (5 if POWER in causes else 2) <= clear.disturbances <= clear.telegrams
-            if {CABLE, INDUCTANCE, POWER} & causes and not few:
+            kinds = {one.cause for one in causes}
+            few = (5 if POWER in kinds else 2) <= clear.disturbances <= clear.telegrams
+            if {CABLE, INDUCTANCE, POWER} & kinds and not few:
                 explained.add(INTERFERENCE)
-            causes_found += [one for one in senders if one.cause not in explained]
-            causes_found += plan_causes(broken, [one.slave for one in causes_found])
-        return ranked(causes_found, broken, self.inverted)
+            causes += [one for one in senders if one.cause not in explained]
+            causes += plan_causes(broken, [one.slave for one in causes])
+        return ranked(causes, broken, self.inverted)
 
     def first_sign(self, cause: str, slave: str = "") -> float:
         """Return the start of the first telegram [s] that shows a cause of `causes`."""
@@ -610,16 +608,14 @@ class Capture:
         faults = [state for state in states.ravel() if state not in (*_FINE, NO_ANSWER)]
         repeated = _repeated(transactions)
         slaves = _slaves(transactions, self._asked)
-        polled_or_seen = slaves[slaves.index != UNKNOWN]
-        silent = polled_or_seen[
-            (polled_or_seen["answers"] == 0) & (polled_or_seen["unanswered"] > 0)
-        ]
+        addressed = slaves[slaves.index != UNKNOWN]
+        silent = addressed[(addressed["answers"] == 0) & (addressed["unanswered"] > 0)]
         return Summary(
             len(transactions),
             _cycle_time(transactions[~repeated], self._asked[~repeated]),
             int(repeated.sum()),
             int((transactions["response_error"] == NO_ANSWER).sum()),
-            list(polled_or_seen.index[polled_or_seen["answers"] > 0]),
+            list(addressed.index[addressed["answers"] > 0]),
             list(silent.index[silent["polled"]]),
             list(silent.index[~silent["polled"]]),
             {name: faults.count(name) for name in sorted(set(faults))},

@@ -119,7 +119,7 @@ class Restored(NamedTuple):
 def restored(
     u: Floats, dt: float, requests: Floats, start: Floats, words: Integers, inverted: bool
 ) -> Restored:
-    """Restore up to 40 ms of a record, from 1 ms before its first request (at `asked[0]` [s]).
+    """Restore up to 40 ms of a record, from 1 ms before its first request (at `requests[0]` [s]).
 
     If fewer requests can be read afterwards than before, keep the earlier `start` [s] and `words`.
     """
