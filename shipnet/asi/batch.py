@@ -65,16 +65,12 @@ class Requests(NamedTuple):
 
         `extended` is True for slaves with extended addressing: one value, or one value per word.
         """
-        words = _integers("words", words)
-        mode = np.asarray(extended)
-        if mode.dtype.kind != "b":
-            raise ArgumentError(f"extended must be True or False, but its dtype is {mode.dtype}")
-        try:
-            mode = np.broadcast_to(mode, words.shape)
-        except ValueError:
+        words, mode = _integers(words), np.asarray(extended)
+        if mode.dtype.kind != "b" or mode.shape not in ((), words.shape):
             raise ArgumentError(
-                f"extended has shape {mode.shape}; it must broadcast to the shape {words.shape}"
-            ) from None
+                f"extended has shape {mode.shape} and dtype {mode.dtype}; it must be one bool, or "
+                "one per word"
+            )
         error = _frame_errors(words, REQUEST_BITS)
         information = np.where(error == 0, words >> 2, 0) & 0x7FF
         meaning = _meanings()[mode.astype(np.intp), information]
@@ -110,10 +106,10 @@ def _meanings() -> npt.NDArray[np.int8]:
     return meaning
 
 
-def _integers(name: str, values: npt.ArrayLike) -> Integers:
-    array = np.asarray(values)
+def _integers(words: npt.ArrayLike) -> Integers:
+    array = np.asarray(words)
     if array.size and array.dtype.kind not in "iu":
-        raise ArgumentError(f"{name} must be whole numbers, but their dtype is {array.dtype}")
+        raise ArgumentError(f"words must be whole numbers, but their dtype is {array.dtype}")
     return array.astype(np.int64)
 
 
@@ -129,7 +125,7 @@ def _frame_errors(words: Integers, length: int) -> Codes:
 
 def parse_responses(words: npt.ArrayLike) -> tuple[npt.NDArray[np.int8], Codes]:
     """Parse an array of responses; return their data (-1 if bad) and their error codes."""
-    words = _integers("words", words)
+    words = _integers(words)
     error = _frame_errors(words, RESPONSE_BITS)
     data = np.where(error == 0, words >> 2 & 15, NONE).astype(np.int8)
     return data, error

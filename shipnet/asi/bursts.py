@@ -7,11 +7,12 @@ A burst is a sequence of pulses with silence before and after it. The first and 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import binary_dilation, correlate1d, maximum_filter1d
 
 from shipnet.arrays import Bools, Floats, Indices, Integers, parts_of, release
 from shipnet.asi.batch import NONE
@@ -42,10 +43,6 @@ _RINGING = 0.2
 
 #: Time from the first to the last peak of a telegram [s], by its number of bits.
 _SPANS = {bits: (2 * bits - 2) * HALF_BIT for bits in (RESPONSE_BITS, REQUEST_BITS)}
-
-
-#: Number of blocks multiplied at a time, so that all stay in a core's own cache.
-_BLOCKS = 2**10
 
 
 class Sampling(NamedTuple):
@@ -107,91 +104,39 @@ def pieces(
     length = -(-length // group) * group
     overlap = -(-int(_OVERLAP / dt) // group) * group
     step, margin = sampling.step, round(_MARGIN / sampling.step)
-    numbers = range(-(-len(u) // length)) if only is None else only
-    most = min(len(u), length + 2 * overlap)
-    for place, number in enumerate(numbers):
-        # If all pieces are yielded, they share one buffer; each piece in `only` has its own.
-        if place == 0 or only is not None:
-            v = np.empty(most + _spare(sampling), np.float32)
-            whole = np.zeros((2, most * sampling.up // group + 2 * margin), np.float32)
+    for number in range(-(-len(u) // length)) if only is None else only:
         core = int(number) * length
         low, high = max(0, core - overlap), min(len(u), core + length + overlap)
-        x = resample(u[low:high], sampling, v, whole[0, margin:])
+        x = resample(u[low:high], sampling)
         release(u)
         _flatten(x, step)
-        around = whole[0, : len(x) + 2 * margin]
-        around[margin + len(x) :] = 0
-        taps = _pulse(step)
-        y = filtered(taps, around[margin - len(taps) // 2 :], len(x), out=whole[1])
+        y = correlate1d(x, _pulse(step), mode="constant") if len(x) else x
         start = (low + (sampling.mean - 1) / 2) * dt
-        yield Piece(around, y, margin, start, step, core * dt, (core + length) * dt)
+        yield Piece(np.pad(x, margin), y, margin, start, step, core * dt, (core + length) * dt)
 
 
-def _spare(sampling: Sampling) -> int:
-    """Return by how many samples the buffer `room` of `resample` must exceed the input."""
-    _, mean, up, down = sampling
-    return 5 * max(len(_lowpass(mean, up, down)), 16 * mean * down)
-
-
-def resample(
-    u: Floats, sampling: Sampling, room: Singles | None = None, out: Singles | None = None
-) -> Singles:
-    """Resample a voltage after subtracting its median; `room` and `out` are optional buffers."""
+def resample(u: Floats, sampling: Sampling) -> Singles:
+    """Resample a voltage after subtracting its median."""
     # Filtering 30 V in single precision would lose small signals, so subtract the offset first.
     offset = _middle(u, 512)
     _, mean, up, down = sampling
-    taps = _lowpass(mean, up, down)
-    front = (len(taps) // mean // 2) // up * mean
-    used = len(u) // mean * mean
-    whole = len(u) + _spare(sampling)
-    v = np.empty(whole, np.float32) if room is None else room[:whole]
-    own = v[front : front + used]
-    np.subtract(u[:used], offset, out=own, casting="same_kind")
-    # The fastest test for NaN: the sum of squares is NaN if any sample is.
-    if np.isnan(own @ own):
-        np.nan_to_num(own, copy=False, nan=_middle(u, 4096) - offset)
+    v = np.subtract(u[: len(u) // mean * mean], offset, dtype=np.float32, casting="same_kind")
+    if np.isnan(v).any():
+        np.nan_to_num(v, copy=False, nan=_middle(u, 4096) - offset)
+    v = np.asarray(v.reshape(-1, mean).mean(axis=1))
+    if not len(v):
+        return v
     # Pad each end with the median of the samples near it, because a step would look like a pulse.
-    around = max(1, round(30e-6 / (sampling.dt * mean))) * mean
-    for end, beyond in ((own[:around], v[:front]), (own[-around:], v[front + used :])):
-        beyond[:] = np.median(end.reshape(-1, mean).mean(axis=1)) if used else 0.0
-    return filtered(taps, v, used // mean * up // down, up, mean * down, out)
-
-
-def filtered(
-    taps: npt.NDArray[Any],
-    x: npt.NDArray[Any],
-    size: int,
-    up: int = 1,
-    down: int = 1,
-    out: npt.NDArray[Any] | None = None,
-) -> npt.NDArray[Any]:
-    r"""Filter a row by block-wise matrix products; beyond its end, the row is taken to be 0.
-
-    .. math:: y_i = \sum_k h_{u k - d i} \, x_k, \qquad i = 0 \ldots size - 1
-    """
-    times = max(-(-16 // up), -(-len(taps) // (up * down)))
-    block, outputs = times * down, times * up
-    matrix = _band(taps.astype(x.dtype).tobytes(), x.dtype.str, outputs, up, down)
-    need = (-(-size // outputs) + 1) * block
-    if len(x) < need:
-        x = np.concatenate([x, np.zeros(need - len(x), x.dtype)])
-    blocks = x[:need].reshape(-1, block)
-    whole = (len(blocks) - 1) * outputs
-    y = (np.empty(whole, x.dtype) if out is None else out[:whole]).reshape(-1, outputs)
-    for k in range(0, len(y), _BLOCKS):
-        part = y[k : k + _BLOCKS]
-        np.matmul(blocks[k : k + len(part)], matrix[:block], out=part)
-        part += blocks[k + 1 : k + 1 + len(part), : len(matrix) - block] @ matrix[block:]
-    return y.ravel()[:size]
-
-
-@lru_cache(maxsize=64)
-def _band(taps: bytes, kind: str, outputs: int, up: int = 1, down: int = 1) -> npt.NDArray[Any]:
-    """Return the matrix that filters a run of samples."""
-    h = np.frombuffer(taps, kind)
-    samples = max(outputs * down, len(h) - 1 + (outputs - 1) * down + up) // up
-    tap = up * np.arange(samples)[:, np.newaxis] - down * np.arange(outputs)
-    return np.where((tap >= 0) & (tap < len(h)), h[np.clip(tap, 0, len(h) - 1)], 0).astype(kind)
+    taps = _lowpass(up, down)
+    reach, near = len(taps) // 2 // up, max(1, round(30e-6 / (sampling.dt * mean)))
+    ends = (reach, reach + down)
+    padded = np.pad(v, ends, constant_values=(np.median(v[:near]), np.median(v[-near:])))
+    # Insert zeros to raise the rate, filter, and keep every sample that the lower rate needs.
+    spread = np.zeros(len(padded) * up, np.float32)
+    spread[::up] = padded
+    around = np.lib.stride_tricks.sliding_window_view(spread, len(taps))
+    resampled: Singles = around[::down][: len(v) * up // down] @ taps
+    return resampled
 
 
 def _middle(u: npt.NDArray[Any], looks: int) -> float:
@@ -202,14 +147,14 @@ def _middle(u: npt.NDArray[Any], looks: int) -> float:
 
 
 @cache
-def _lowpass(mean: int, up: int, down: int) -> Singles:
-    """Return the taps of a filter that averages `mean` samples and then limits the bandwidth."""
+def _lowpass(up: int, down: int) -> Singles:
+    """Return the taps of a filter that limits the bandwidth."""
     # In a record sampled below 4 MS/s, noise is already aliased, and the filter only interpolates.
     # Otherwise it attenuates by about 60 dB what decimation by `down` would alias to below 0.7 MHz.
     half = 8 * up if up > 1 else 3 * down if down > 1 else 0
     k = np.arange(-half, half + 1)
     taps = np.sinc(k / max(up, down)) * np.kaiser(len(k), 5.65)
-    return np.repeat((up / mean * taps / taps.sum()).astype(np.float32), mean)
+    return np.asarray(up * taps / taps.sum(), np.float32)
 
 
 def _flatten(x: Singles, step: float) -> None:
@@ -251,8 +196,6 @@ def smallest_pulses(sample: list[Piece]) -> Iterator[float]:
 
 def _noise(sample: list[Piece], typical: float) -> float:
     """Return the standard deviation [V] of the filtered voltage between pulses."""
-    from scipy.ndimage import binary_dilation
-
     idle = []
     for piece in sample:
         reach = round(2 * HALF_BIT / piece.step)
@@ -266,8 +209,6 @@ def find_bursts(piece: Piece, minimum: float) -> Bursts:
     """Group the pulses of a piece into bursts."""
     at, height = _pulses(piece.y, minimum)
     if at.size:
-        from scipy.ndimage import maximum_filter1d
-
         keep = np.abs(height) >= _RINGING * maximum_filter1d(np.abs(height), 17)
         at, height = at[keep], height[keep]
     start = np.flatnonzero(np.diff(at, prepend=-(2**40)) * piece.step > SILENCE)
@@ -357,11 +298,15 @@ _FEWEST_PULSES = 5
 _TELEGRAM = np.dtype(
     [
         *((name, np.float64) for name in ("start", "first", "last")),
-        ("length", np.int8), ("word", np.int16), ("known", np.int16), ("error", np.uint8),
+        ("length", np.int8),
+        ("word", np.int16),
+        ("known", np.int16),
+        ("error", np.uint8),
         *((name, np.float64) for name in ("amplitude", "weakest", "ringing")),
-        ("fits", np.bool_), ("edge", np.int8),
+        ("fits", np.bool_),
+        ("edge", np.int8),
     ]
-)  # fmt: skip
+)
 
 Telegrams: TypeAlias = "np.recarray[Any, Any]"
 
@@ -399,13 +344,13 @@ def find_telegrams(u: Floats, dt: float, threshold: float) -> Found:
         bursts = find_bursts(piece, minimum)
         first = piece.start + bursts.first * piece.step
         last = piece.start + bursts.last * piece.step
-        own = (first >= piece.begin) & (first < piece.end)
+        inside = (first >= piece.begin) & (first < piece.end)
         cut_front = _distance(first, begins, "right") < _NEAR
         cut_back = -_distance(last, ends, "left") < _NEAR
         whole = bursts.pulses >= np.where(cut_front | cut_back, 2, _FEWEST_PULSES)
-        disturbances += int((own & ~whole).sum())
-        edge = np.where(cut_front, 1, np.where(cut_back, 2, 0))[own & whole]
-        waiting += _cut(piece, bursts.where(own & whole), edge, sign)
+        disturbances += int((inside & ~whole).sum())
+        edge = np.where(cut_front, 1, np.where(cut_back, 2, 0))[inside & whole]
+        waiting += _cut(piece, bursts.where(inside & whole), edge, sign)
         if sum(len(some.rows) for some in waiting) > _TOGETHER:
             parts.append(_received(waiting, threshold))
             waiting = []
@@ -463,18 +408,21 @@ def _distance(
     times: npt.NDArray[np.floating], edges: Floats, side: Literal["left", "right"]
 ) -> npt.NDArray[np.floating]:
     """Return the time since the previous edge ("right") or minus the time to the next ("left")."""
-    place = np.searchsorted(edges, times, side) - (side == "right")
-    return times - edges[np.clip(place, 0, len(edges) - 1)]
+    index = np.searchsorted(edges, times, side) - (side == "right")
+    return times - edges[np.clip(index, 0, len(edges) - 1)]
 
 
 def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> tuple[float, int]:
     """Return which of `limits` [V] and which polarity (1, -1) yield the most correct telegrams."""
     best, most = (0.0, 1), -1
     for minimum in limits:
-        found = [find_bursts(piece, minimum) for piece in sample]
-        fits = [few.where(few.fits & (np.cumsum(few.fits) <= 64)) for few in found]
-        cut = [some for piece, few in zip(sample, fits, strict=True)
-               for some in _cut(piece, few, few.bits)]  # fmt: skip
+        per_piece = [find_bursts(piece, minimum) for piece in sample]
+        fits = [few.where(few.fits & (np.cumsum(few.fits) <= 64)) for few in per_piece]
+        cut = [
+            some
+            for piece, few in zip(sample, fits, strict=True)
+            for some in _cut(piece, few, few.bits)
+        ]
         received = [_heard(together, threshold) for _, together in _by_length(cut)]
         inverted = [Pulses(-one.slots).check()[1] for one in received]
         right = {
@@ -482,11 +430,11 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
             -1: sum(int((error == 0).sum()) for error in inverted),
         }
         # In a tie, the first pulses decide: they are negative unless the record is inverted.
-        heights = sum(int(np.sign(bursts.height).sum()) for bursts in found)
+        heights = sum(int(np.sign(bursts.height).sum()) for bursts in per_piece)
         sign = -1 if (right[-1], heights) > (right[1], 0) else 1
         if right[sign] > most:
             best, most = (minimum, sign), right[sign]
-        if 2 * right[sign] > sum(int((some.pulses >= _FEWEST_PULSES).sum()) for some in found):
+        if 2 * right[sign] > sum(int((some.pulses >= _FEWEST_PULSES).sum()) for some in per_piece):
             break
     return best
 
@@ -513,13 +461,15 @@ def _cut(piece: Piece, bursts: Bursts, edge: Integers, sign: int = 1) -> list[_C
     around = piece.around[piece.margin - before :]
     for n_bits in _SPANS:
         length = before + round(2 * n_bits * HALF_BIT / piece.step) + behind
-        own, which = bursts.where(bursts.bits == n_bits), edge[bursts.bits == n_bits]
-        unit = np.abs(own.height)
-        rows = np.lib.stride_tricks.sliding_window_view(around, length)[own.first]
+        of_length, which = bursts.where(bursts.bits == n_bits), edge[bursts.bits == n_bits]
+        unit = np.abs(of_length.height)
+        rows = np.lib.stride_tricks.sliding_window_view(around, length)[of_length.first]
         rows /= sign * unit.astype(np.float32)[:, np.newaxis]
-        places: tuple[Any, ...] = (own.first - before, own.first, own.last)
-        begin, first, last = (piece.start + at * piece.step for at in places)
-        parts.append(_Cut(n_bits, piece.step, rows, begin, first, last, unit, own.fits, which))
+        indices: tuple[Any, ...] = (of_length.first - before, of_length.first, of_length.last)
+        begin, first, last = (piece.start + at * piece.step for at in indices)
+        parts.append(
+            _Cut(n_bits, piece.step, rows, begin, first, last, unit, of_length.fits, which)
+        )
     return parts
 
 
@@ -547,10 +497,18 @@ def _received(parts: list[_Cut], threshold: float) -> Telegrams:
         bits = received.bits.astype(np.int64)
         weights = 1 << np.arange(n_bits)[::-1]
         fields = [
-            cut.begin + received.start, cut.first, cut.last,
-            np.full(len(bits), n_bits), np.maximum(bits, 0) @ weights, (bits != NONE) @ weights,
-            received.error, received.amplitude * cut.unit, received.weakest, received.ringing,
-            cut.fits, cut.edge,
-        ]  # fmt: skip
+            cut.begin + received.start,
+            cut.first,
+            cut.last,
+            np.full(len(bits), n_bits),
+            np.maximum(bits, 0) @ weights,
+            (bits != NONE) @ weights,
+            received.error,
+            received.amplitude * cut.unit,
+            received.weakest,
+            received.ringing,
+            cut.fits,
+            cut.edge,
+        ]
         telegrams.append(np.rec.fromarrays(fields, dtype=_TELEGRAM))
     return _joined(telegrams)

@@ -88,33 +88,40 @@ def transactions_of(
     # Few bit strings are distinct, so the columns are filled by indexing a list of them.
     titles, errors = pd.Index([*(call.rule.title for call in Call), ""]), pd.Index(_STATES)
     texts, which = _texts(telegrams)
-    asked, answered = (_pick(which, rows, len(texts) - 1) for rows in (request, response))
+    request_text, response_text = (
+        _pick(which, rows, len(texts) - 1) for rows in (request, response)
+    )
     # Add the columns one by one, so that only one column of a long record is in memory twice.
     table = pd.DataFrame(
         {"start_s": np.where(request >= 0, start, _pick(telegrams.start, response, np.nan))}
     )
-    table["request"] = texts[asked]
+    table["request"] = texts[request_text]
     table["call"] = titles[calls.call]
     table["address"] = _nullable(calls.address)
     table["half"] = pd.Index(["A", "B", ""])[calls.half]
     table["request_data"] = _nullable(calls.data)
-    table["response"] = texts[answered]
+    table["response"] = texts[response_text]
     table["response_data"] = _nullable(data)
     table["master_pause_bit"], table["slave_pause_bit"] = _pauses(telegrams, request, response, cut)
     for name in ("amplitude", "weakest", "ringing"):
         for kind, rows in (("request", request), ("response", response)):
-            column = f"{kind}_{name}" + "_V" * (name == "amplitude")
-            table[column] = _pick(telegrams[name], rows, np.nan)
+            unit = "_V" if name == "amplitude" else ""
+            table[f"{kind}_{name}{unit}"] = _pick(telegrams[name], rows, np.nan)
     table["request_error"], table["response_error"] = errors[request_error], errors[response_error]
     # The key does not contain the call, because the bits of a request determine it.
     sizes = len(texts), len(errors), len(texts), len(errors)
-    key = np.ravel_multi_index((asked, request_error, answered, response_error), sizes)
+    key = np.ravel_multi_index((request_text, request_error, response_text, response_error), sizes)
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
     some = table.iloc[first]
     sentences = map(
-        _in_words, some["request"], some["request_error"], (calls.half[first] >= 0).tolist(),
-        some["response"], some["response_error"], calls.call[first].tolist(),
-    )  # fmt: skip
+        _in_words,
+        some["request"],
+        some["request_error"],
+        (calls.half[first] >= 0).tolist(),
+        some["response"],
+        some["response_error"],
+        calls.call[first].tolist(),
+    )
     table["text"] = pd.Categorical(list(sentences))[which]
     return table
 
@@ -156,10 +163,10 @@ def _pauses(
     """Return the pauses after requests and after responses [bit], NaN if unknown."""
     # The start of a telegram whose beginning is cut off is unknown.
     begins = np.where(cut & (telegrams.edge == 1), np.nan, telegrams.start)
-    asked, answered = _pick(begins, request, np.nan), _pick(begins, response, np.nan)
-    master = (answered - asked) / BIT_TIME - REQUEST_BITS
+    request_start, response_start = _pick(begins, request, np.nan), _pick(begins, response, np.nan)
+    master = (response_start - request_start) / BIT_TIME - REQUEST_BITS
     slave = np.full(len(request), np.nan)
-    slave[:-1] = (asked[1:] - answered[:-1]) / BIT_TIME - RESPONSE_BITS
+    slave[:-1] = (request_start[1:] - response_start[:-1]) / BIT_TIME - RESPONSE_BITS
     slave[~(slave <= _SLAVE_PAUSE)] = np.nan
     return master, slave
 
@@ -175,8 +182,8 @@ def _texts(telegrams: Telegrams) -> tuple[pd.Index[str], Indices]:
     texts = []
     for code in different.tolist():
         length = code >> 2 * REQUEST_BITS
-        bits, heard = f"{code & mask:0{length}b}", f"{code >> REQUEST_BITS & mask:0{length}b}"
-        pairs = zip(bits, heard, strict=True)
+        bits, received = f"{code & mask:0{length}b}", f"{code >> REQUEST_BITS & mask:0{length}b}"
+        pairs = zip(bits, received, strict=True)
         texts.append("".join(bit if one == "1" else "?" for bit, one in pairs))
     return pd.Index([*texts, ""]), which
 
@@ -305,38 +312,12 @@ def _cycle_time(transactions: pd.DataFrame, asked: pd.DataFrame) -> float:
     return float(times.median()) if len(times) else float("nan")
 
 
-def _who(capture: Capture) -> pd.DataFrame:
-    """Return each transaction's slave and call, reading bad requests from the restored record."""
-    rows = capture.transactions
-    address = rows["address"].astype(object).fillna(NONE).to_numpy(np.int64)
-    half, calls = rows["half"].tolist(), rows["call"].tolist()
-    names = [UNKNOWN if a == NONE else f"{a}{h}" for a, h in zip(address, half, strict=True)]
-    names = ["" if c == "broadcast reset" else n for c, n in zip(calls, names, strict=True)]
-    asked = pd.DataFrame({"slave": names, "call": calls}, index=rows.index, dtype=object)
-    bad = ~rows["request_error"].isin(_FINE).to_numpy()
-    if not bad.any() or not len(capture._restored.start):
-        return asked
-    there, words = capture._restored.start, capture._restored.words
-    read = Requests.parse(words, extended=np.isin(words >> 7 & 31, capture.extended))
-    start = rows["start_s"].to_numpy()
-    near = np.minimum(np.searchsorted(there, start - _SAME), len(there) - 1)
-    near[~(np.abs(start - there[near]) < _SAME) | (read.error[near] > 0) | ~bad] = -1
-    # Bad requests with the same received bits are taken to be the same request.
-    texts = rows["request"].tolist()
-    meant = {texts[row]: int(near[row]) for row in np.flatnonzero(near >= 0)}
-    for row in np.flatnonzero(bad & rows["request"].isin(meant).to_numpy()):
-        k = meant[texts[row]]
-        names[row] = f"{read.address[k]}{('A', 'B', '')[read.half[k]]}"
-        calls[row] = Call(int(read.call[k])).rule.title
-    return asked.assign(slave=names, call=calls)
-
-
 def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
     """Return a table with one row per addressed slave and one for unreadable addresses."""
     rows = transactions.assign(slave=asked["slave"])[asked["slave"] != ""]
     by = rows["slave"]
     response, request = rows["response_error"], rows["request_error"]
-    heard = rows[(rows["response"] != "") & (response != CUT_OFF)].groupby("slave")
+    responses = rows[(rows["response"] != "") & (response != CUT_OFF)].groupby("slave")
     bad_requests = ~request.isin(_FINE)
     polled = ~asked["call"].isin(_SEARCH)
     table = pd.DataFrame(
@@ -347,9 +328,9 @@ def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
             "polled": polled.groupby(by).any(),
             "bad_requests": bad_requests.groupby(by).sum(),
             "errors": (~response.isin([*_FINE, NO_ANSWER])).groupby(by).sum(),
-            "amplitude_V": heard["response_amplitude_V"].median(),
-            "weakest_pulse": heard["response_weakest"].min(),
-            "ringing": heard["response_ringing"].max(),
+            "amplitude_V": responses["response_amplitude_V"].median(),
+            "weakest_pulse": responses["response_weakest"].min(),
+            "ringing": responses["response_ringing"].max(),
         }
     )
     order = sorted(table.index, key=lambda name: (name == UNKNOWN, len(name.rstrip("AB")), name))
@@ -500,29 +481,28 @@ class Capture:
         {'weak slave': '2'}
         """
         broken, slaves = self.check(plan).violated(), self.slaves
-        found: list[Found] = []
+        causes: list[Found] = []
         if len(broken) or self.disturbances:
             answering = int((slaves["answers"] > 0).sum())
-            found = line_causes(
-                self._restored, self.transactions, answering, self.disturbances,
-                self.supply_voltage,
-            )  # fmt: skip
-            clear = self._clear if found else self
-            found = _power_cause(self) + found
+            causes = line_causes(
+                self._restored, self.transactions, answering, self.disturbances, self.supply_voltage
+            )
+            clear = self._clear if causes else self
+            causes = _power_cause(self) + causes
             usual = usual_levels(clear.slaves, plan)
             senders = sender_causes(clear.slaves, usual, clear.disturbances, clear._silences)
             explained = set()
             # What silences most slaves is a fault of the line.
-            if found and 2 * [one.cause for one in senders].count(SILENT) > len(clear._silences):
+            if causes and 2 * [one.cause for one in senders].count(SILENT) > len(clear._silences):
                 explained.add(SILENT)
             # Such faults explain bad telegrams, but not a few bursts between good ones.
-            causes = {one.cause for one in found}
-            few = (5 if POWER in causes else 2) <= clear.disturbances <= clear.telegrams
-            if {CABLE, INDUCTANCE, POWER} & causes and not few:
+            kinds = {one.cause for one in causes}
+            few = (5 if POWER in kinds else 2) <= clear.disturbances <= clear.telegrams
+            if {CABLE, INDUCTANCE, POWER} & kinds and not few:
                 explained.add(INTERFERENCE)
-            found += [one for one in senders if one.cause not in explained]
-            found += plan_causes(broken, [one.slave for one in found])
-        return ranked(found, broken, self.inverted)
+            causes += [one for one in senders if one.cause not in explained]
+            causes += plan_causes(broken, [one.slave for one in causes])
+        return ranked(causes, broken, self.inverted)
 
     def first_sign(self, cause: str, slave: str = "") -> float:
         """Return the start of the first telegram [s] that shows a cause of `causes`."""
@@ -577,9 +557,13 @@ class Capture:
         for sign in (1, -1):
             ax.axhline(zero + sign * least, color=colour, linestyle=dashes)
         ax.text(
-            1.01, zero - least, f"{least:g} V", transform=ax.get_yaxis_transform(),
-            color=colour, va="center",
-        )  # fmt: skip
+            1.01,
+            zero - least,
+            f"{least:g} V",
+            transform=ax.get_yaxis_transform(),
+            color=colour,
+            va="center",
+        )
         ends, red = ax.get_xaxis_transform(), style.LIMIT["color"]
         per_inch = (stop - start) * ax.figure.dpi / ax.bbox.width
         legible, named = per_inch < 16 * BIT_TIME, -np.inf
@@ -624,14 +608,14 @@ class Capture:
         faults = [state for state in states.ravel() if state not in (*_FINE, NO_ANSWER)]
         repeated = _repeated(transactions)
         slaves = _slaves(transactions, self._asked)
-        known = slaves[slaves.index != UNKNOWN]
-        silent = known[(known["answers"] == 0) & (known["unanswered"] > 0)]
+        addressed = slaves[slaves.index != UNKNOWN]
+        silent = addressed[(addressed["answers"] == 0) & (addressed["unanswered"] > 0)]
         return Summary(
             len(transactions),
             _cycle_time(transactions[~repeated], self._asked[~repeated]),
             int(repeated.sum()),
             int((transactions["response_error"] == NO_ANSWER).sum()),
-            list(known.index[known["answers"] > 0]),
+            list(addressed.index[addressed["answers"] > 0]),
             list(silent.index[silent["polled"]]),
             list(silent.index[~silent["polled"]]),
             {name: faults.count(name) for name in sorted(set(faults))},
@@ -643,10 +627,10 @@ class Capture:
     def _restored(self) -> Restored:
         """Requests in the first 40 ms of traffic, read after removing the cable's distortion."""
         rows = self.transactions
-        asked = rows[(rows["request"].str.len() == REQUEST_BITS) & rows["start_s"].notna()]
+        requests = rows[(rows["request"].str.len() == REQUEST_BITS) & rows["start_s"].notna()]
         good = rows[rows["request_error"] == "ok"]
         words = np.array([int(bits, 2) for bits in good["request"]], np.int64)
-        starts = asked["start_s"].to_numpy(), good["start_s"].to_numpy()
+        starts = requests["start_s"].to_numpy(), good["start_s"].to_numpy()
         return restored(self.wave.u, self.wave.dt, *starts, words, self.inverted)
 
     @cached_property
@@ -660,7 +644,28 @@ class Capture:
     @cached_property
     def _asked(self) -> pd.DataFrame:
         """Slave and call of each transaction, including each bad request that can be restored."""
-        return _who(self)
+        rows = self.transactions
+        address = rows["address"].astype(object).fillna(NONE).to_numpy(np.int64)
+        half, calls = rows["half"].tolist(), rows["call"].tolist()
+        names = [UNKNOWN if a == NONE else f"{a}{h}" for a, h in zip(address, half, strict=True)]
+        names = ["" if c == "broadcast reset" else n for c, n in zip(calls, names, strict=True)]
+        asked = pd.DataFrame({"slave": names, "call": calls}, index=rows.index, dtype=object)
+        bad = ~rows["request_error"].isin(_FINE).to_numpy()
+        if not bad.any() or not len(self._restored.start):
+            return asked
+        there, words = self._restored.start, self._restored.words
+        read = Requests.parse(words, extended=np.isin(words >> 7 & 31, self.extended))
+        start = rows["start_s"].to_numpy()
+        near = np.minimum(np.searchsorted(there, start - _SAME), len(there) - 1)
+        near[~(np.abs(start - there[near]) < _SAME) | (read.error[near] > 0) | ~bad] = -1
+        # Bad requests with the same received bits are taken to be the same request.
+        texts = rows["request"].tolist()
+        meant = {texts[row]: int(near[row]) for row in np.flatnonzero(near >= 0)}
+        for row in np.flatnonzero(bad & rows["request"].isin(meant).to_numpy()):
+            k = meant[texts[row]]
+            names[row] = f"{read.address[k]}{('A', 'B', '')[read.half[k]]}"
+            calls[row] = Call(int(read.call[k])).rule.title
+        return asked.assign(slave=names, call=calls)
 
     @cached_property
     def _silences(self) -> dict[str, list[int]]:
@@ -676,27 +681,29 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
     nan, table, slaves = float("nan"), capture.transactions, capture.slaves
     volts, read = capture.supply_voltage, float(capture.telegrams)
     rows = [("telegrams", "line", read, 1.0, nan, "1", "telegrams read")]
-    if volts == volts:
+    if not np.isnan(volts):
         rows.append(("supply voltage", "supply", volts, *_limits()[2:], "V", "at the scope"))
-    asked = table[~table["request_error"].isin(["", CUT_OFF])]
-    level, weakest = asked["request_amplitude_V"].min(), asked["request_weakest"].min()
-    bad = float((asked["request_error"] != "ok").sum())
+    requests = table[~table["request_error"].isin(["", CUT_OFF])]
+    level, weakest = requests["request_amplitude_V"].min(), requests["request_weakest"].min()
+    bad = float((requests["request_error"] != "ok").sum())
     least, most, *_ = _limits()
     # The level of requests has no upper limit: it may be higher at the master than elsewhere.
-    heard = [("request", "master", least, nan, level, weakest, asked["request_ringing"].max(), bad)]
+    measurements = [
+        ("request", "master", least, nan, level, weakest, requests["request_ringing"].max(), bad)
+    ]
     usual = usual_levels(slaves, plan)
     for name, *values in slaves[["amplitude_V", "weakest_pulse", "ringing", "errors"]].itertuples():
         if name != UNKNOWN:
             low = float(np.fmax(least, round(WEAKER * usual[name], 2)))
-            heard.append(("response", f"slave {name}", low, most, *values))
-    for kind, who, least, most, level, weakest, ringing, bad in heard:
+            measurements.append(("response", f"slave {name}", low, most, *values))
+    for kind, who, least, most, level, weakest, ringing, bad in measurements:
         for what, value, low, high, unit in (
             ("level", level, least, most, "V"),
             ("evenness", weakest, TOLERANCE.evenness, nan, "1"),
             ("ringing", ringing, nan, TOLERANCE.ringing, "1"),
             ("errors", bad, nan, 0.0, "1"),
         ):
-            if value == value:
+            if not np.isnan(value):
                 why = f"{kind}s of {who}"
                 rows.append((f"{kind} {what}", who, float(value), low, high, unit, why))
     for name, series in capture._silences.items():
@@ -713,14 +720,14 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
             why = "it is in the plan" if name in planned else "it is not in the plan"
             rows.append(("answers", f"slave {name}", count, low, high, "1", why))
     columns = ["rule", "object", "value", "low", "high", "unit", "why"]
-    found = pd.DataFrame(rows, columns=columns)
-    missed = (found["value"] < found["low"]) | (found["value"] > found["high"])
+    findings = pd.DataFrame(rows, columns=columns)
+    missed = (findings["value"] < findings["low"]) | (findings["value"] > findings["high"])
     judged = np.where(missed, "violated", "met")
-    found["verdict"] = np.where(found["value"].isna(), "not verified", judged)
-    found["source"] = "IEC 62026-2 as quoted by SAP5S/SAP51, 2012, p. 29; kim2023, section 3.4"
-    found.loc[found["rule"] == "supply voltage", "source"] = "ifm AC2904; SEW 31545580"
-    found.loc[found["rule"] == _MISSING, "source"] = "Beckhoff EL6201, operating phases"
-    return found
+    findings["verdict"] = np.where(findings["value"].isna(), "not verified", judged)
+    findings["source"] = "IEC 62026-2 as quoted by SAP5S/SAP51, 2012, p. 29; kim2023, section 3.4"
+    findings.loc[findings["rule"] == "supply voltage", "source"] = "ifm AC2904; SEW 31545580"
+    findings.loc[findings["rule"] == _MISSING, "source"] = "Beckhoff EL6201, operating phases"
+    return findings
 
 
 def _counted(capture: Capture) -> pd.DataFrame:
@@ -734,10 +741,10 @@ def _counted(capture: Capture) -> pd.DataFrame:
     # A master drops a slave after two failed tries in each of three consecutive cycles.
     dropped = sum(run >= 6 for series in failed.values() for run in series)
     unexpected = table["text"].str.endswith("where none is expected")
-    asked = int((table["request"] != "").sum())
+    requests = int((table["request"] != "").sum())
     nan = float("nan")
     fails = nan if np.isnan(capture.supply_voltage) else len(_power_fails(capture))
-    share = summary.repetitions / asked if asked else nan
+    share = summary.repetitions / requests if requests else nan
     rows = [
         ("power fail", fails, f"times that the supply falls below {POWER_FAIL} V"),
         ("earth fault", nan, "not visible between the two wires; measure each wire to earth"),
@@ -773,7 +780,8 @@ def _power_cause(capture: Capture) -> list[Found]:
     fails = _power_fails(capture)
     if len(fails):
         why = f"the supply falls below {POWER_FAIL} V at {1e3 * fails[0]:.1f} ms"
-        why += f" and {len(fails) - 1} times later" * (len(fails) > 1)
+        if len(fails) > 1:
+            why += f" and {len(fails) - 1} times later"
     else:
         why = f"the supply is {volts:.1f} V; slaves need {least} V"
     return [Found(POWER, why)] if len(fails) or volts < least else []
@@ -848,10 +856,16 @@ def decode(
     for address in extended:
         if address not in range(1, 32):
             raise ArgumentError(f"extended contains {address!r}; addresses must be 1..31")
-    found = find_telegrams(u, dt, threshold)
-    table = transactions_of(found.telegrams, found.ends, extended)
+    decoded = find_telegrams(u, dt, threshold)
+    table = transactions_of(decoded.telegrams, decoded.ends, extended)
     return Capture(
-        table, len(u) * dt, found.inverted, found.minimum, found.disturbances, wave, tuple(extended)
+        table,
+        len(u) * dt,
+        decoded.inverted,
+        decoded.minimum,
+        decoded.disturbances,
+        wave,
+        tuple(extended),
     )
 
 

@@ -82,9 +82,9 @@ def without_cable(x: Floats, step: float, asked: Floats) -> Floats:
     inside = (f > _BAND[0]) & (f < _BAND[1])
     s = 2j * np.pi * f[inside]
     meant = (np.abs(s * _requests().transform(s)) ** 2).mean(axis=0)
-    found = np.maximum(power[inside], 1e-6 * power[inside].max() + 1e-30)
+    received = np.maximum(power[inside], 1e-6 * power[inside].max() + 1e-30)
     gain = np.empty(f.size)
-    gain[inside] = np.log(meant / found) / 2
+    gain[inside] = np.log(meant / received) / 2
     low, high = np.flatnonzero(inside)[[0, -1]]
     gain[:low], gain[high + 1 :] = gain[low], gain[high] - 2.5
     # Minimum-phase filter: fold the cepstrum, with a weight that falls to 0 at `_MEMORY`.
@@ -117,32 +117,32 @@ class Restored(NamedTuple):
 
 
 def restored(
-    u: Floats, dt: float, asked: Floats, start: Floats, words: Integers, inverted: bool
+    u: Floats, dt: float, requests: Floats, start: Floats, words: Integers, inverted: bool
 ) -> Restored:
-    """Restore up to 40 ms of a record, from 1 ms before its first request (at `asked[0]` [s]).
+    """Restore up to 40 ms of a record, from 1 ms before its first request (at `requests[0]` [s]).
 
     If fewer requests can be read afterwards than before, keep the earlier `start` [s] and `words`.
     """
-    low = max(0, int((asked[0] - 1e-3) / dt)) if len(asked) else 0
+    low = max(0, int((requests[0] - 1e-3) / dt)) if len(requests) else 0
     sampling = Sampling.of(dt)
     x = resample(u[low : low + round(_LONGEST / dt)], sampling).astype(float)
     # Each resampled value is the mean of several samples, so its time is the mean of theirs.
     since, step = (low + (sampling.mean - 1) / 2) * dt, sampling.step
     middle = np.median(x) if len(x) else 0.0
     best = Restored(x - middle, since, step, start, words, inverted, x[:0])
-    asked = asked - since
-    asked = asked[(asked > _BEFORE) & (asked < len(x) * step - _STRETCH)]
+    requests = requests - since
+    requests = requests[(requests > _BEFORE) & (requests < len(x) * step - _STRETCH)]
     # Fall back on the whole record, although responses of distant slaves have a different spectrum.
-    for times in (asked, asked[:0]):
+    for times in (requests, requests[:0]):
         if best.short:
             break
         pulses = without_cable(best.x, step, times)
-        found = find_telegrams(pulses, step, 0.5)
-        every = found.telegrams
+        decoded = find_telegrams(pulses, step, 0.5)
+        every = decoded.telegrams
         good = every[(every.error == 0) & (every.length == REQUEST_BITS)]
         if len(good) >= len(best.start):
             begin = since + good.start
-            best = best._replace(start=begin, words=good.word, inverted=found.inverted)
+            best = best._replace(start=begin, words=good.word, inverted=decoded.inverted)
             if len(good):
                 scale = np.quantile(np.abs(best.x), 0.99) / np.quantile(np.abs(pulses), 0.99)
                 best = best._replace(pulses=scale * pulses)
@@ -162,34 +162,37 @@ def measured(part: Restored) -> Impedance | None:
     t = np.arange(0, _WINDOW, part.step)
     rows = np.interp(begin[some, np.newaxis] + t, part.step * np.arange(len(part.x)), part.x)
     rows -= np.median(rows[:, t < 0.6 * _BEFORE], axis=1, keepdims=True)
-    heard = rows @ np.exp(-np.outer(t, s)) * part.step
+    spectra = rows @ np.exp(-np.outer(t, s)) * part.step
     bits = np.array([[int(bit) for bit in f"{part.words[k]:0{REQUEST_BITS}b}"] for k in some])
     sent = -s * Modulation(bits).transform(s, start=_BEFORE)
-    return _fitted(s, -sent if part.inverted else sent, heard)
+    return _fitted(s, -sent if part.inverted else sent, spectra)
 
 
-def _fitted(s: npt.NDArray[Any], sent: Complexes, heard: Complexes) -> Impedance:
+def _fitted(s: npt.NDArray[Any], sent: Complexes, spectra: Complexes) -> Impedance:
     r"""Fit :math:`1/Z = 1/R + 1/sL + sC` to the spectra of the voltage and the current's slope."""
     from scipy.optimize import nnls
 
     power = (np.abs(sent) ** 2).sum(0)
-    cross = (heard * sent.conj()).sum(0)
+    cross = (spectra * sent.conj()).sum(0)
     z = cross / power
-    stray = 1 - (np.abs(cross) ** 2 / power).sum() / (np.abs(heard) ** 2).sum()
+    stray = 1 - (np.abs(cross) ** 2 / power).sum() / (np.abs(spectra) ** 2).sum()
     weight = np.sqrt(power) * np.abs(z)
     unit = np.array([1 / 78.0, 1 / 100e-6, 5e-9])
     terms = weight[:, np.newaxis] * np.stack([s, s**0, s**2], axis=1) * unit
-    wanted = np.concatenate([weight, 0 * weight])
+    target = np.concatenate([weight, 0 * weight])
     fits = []
     for late in _LATE:
         columns = (z * np.exp(-s * late))[:, np.newaxis] * terms
-        fits.append(nnls(np.concatenate([columns.real, columns.imag]), wanted))
+        fits.append(nnls(np.concatenate([columns.real, columns.imag]), target))
     values, rest = min(fits, key=lambda fit: fit[1])
     conductance, inverse, capacitance = np.maximum(values, 1e-6) * unit
     return Impedance(
-        float(1 / conductance), float(1 / inverse), float(capacitance),
-        float(rest / np.linalg.norm(weight)), float(stray),
-    )  # fmt: skip
+        float(1 / conductance),
+        float(1 / inverse),
+        float(capacitance),
+        float(rest / np.linalg.norm(weight)),
+        float(stray),
+    )
 
 
 # Causes ----------------------------------------------------------------------------------------
@@ -231,16 +234,18 @@ class Found(NamedTuple):
     slave: str = ""
 
 
-def ranked(found: list[Found], broken: pd.DataFrame, inverted: bool) -> pd.DataFrame:
+def ranked(causes: list[Found], broken: pd.DataFrame, inverted: bool) -> pd.DataFrame:
     """Return the causes as a table, sorted by the fraction of violated findings they explain."""
     rows = []
-    for one in found:
-        own = broken["object"] == f"slave {one.slave}"
+    for one in causes:
+        explained = broken["object"] == f"slave {one.slave}"
         if one.cause == INTERFERENCE:
-            own = ~broken["rule"].str.contains("level|voltage")
+            explained = ~broken["rule"].str.contains("level|voltage")
         elif not one.slave:
-            own = (broken["rule"] != "supply voltage") | (one.cause == POWER)
-        rows.append((one.cause, one.slave, float(own.mean()) if len(own) else 0.0, one.evidence))
+            explained = (broken["rule"] != "supply voltage") | (one.cause == POWER)
+        rows.append(
+            (one.cause, one.slave, float(explained.mean()) if len(explained) else 0.0, one.evidence)
+        )
     if inverted:
         rows.append((REVERSED, "", 0.0, "the first pulse of most telegrams is positive"))
     table = pd.DataFrame(rows, columns=["cause", "slave", "share", "evidence"])
@@ -256,26 +261,26 @@ def line_causes(
     `rows` is the table of transactions, `answering` the number of slaves that respond, `bursts` the
     number of bursts that are not telegrams, and `supply` the supply voltage [V], NaN if unknown.
     """
-    found = measured(part)
-    if found is None:
+    impedance = measured(part)
+    if impedance is None:
         level = np.quantile(np.abs(part.x), 0.99) if len(part.x) else 0.0
         unread = bursts + int((~rows["request_error"].isin(["ok", ""])).sum())
         if level > _NOTHING and unread >= 2 * _FEWEST:
-            said = f"{unread} telegrams cannot be read, even with the cable's echoes removed"
-            return [Found(CABLE, said)]
+            evidence = f"{unread} telegrams cannot be read, even with the cable's echoes removed"
+            return [Found(CABLE, evidence)]
         silent = level < _NOTHING and not (rows["response_error"] == "ok").any()
-        if silent and supply == supply and not part.short:
-            said = (
+        if silent and not np.isnan(supply) and not part.short:
+            evidence = (
                 f"{supply:.0f} V, but no pulse exceeds {_NOTHING} V: an ordinary supply without "
                 "decoupling short-circuits all signals (a silent master looks the same)"
             )
-            return [Found(INDUCTANCE, said)]
+            return [Found(INDUCTANCE, evidence)]
         return []
-    r, inductance, c, misfit, stray = found
+    r, inductance, c, misfit, stray = impedance
     nominal = [float(part) for part in POWER_SUPPLY.shunt[:2]]
-    own = [(answering + 1) * float(part) for part in DEVICE.shunt[:2]]
+    devices = [(answering + 1) * float(part) for part in DEVICE.shunt[:2]]
     # Number of parallel supplies, estimated from the resistance and from the inductance.
-    damped, fed = (1 / r - own[0]) / nominal[0], (1 / inductance - own[1]) / nominal[1]
+    damped, fed = (1 / r - devices[0]) / nominal[0], (1 / inductance - devices[1]) / nominal[1]
     seen = f"the line has {r:.0f} ohm in parallel with {inductance * 1e6:.0f} uH"
     usual = f"one supply has {1 / nominal[0]:.0f} ohm and {1e6 / nominal[1]:.0f} uH"
     # A distant second supply changes the impedance less, but it lowers the signal levels.
@@ -325,20 +330,20 @@ def usual_levels(slaves: pd.DataFrame, plan: Plan | None) -> pd.Series:
             nodes = [slave.node for slave in segment.slaves]
             (wave,) = segment.waveforms(nodes, RESPONSES, dt=250e-9, before=5e-6, after=20e-6)
             heights = receive(wave.u, wave.dt, RESPONSE_BITS).amplitude
-            known = pd.Series(np.median(heights, axis=1), names).groupby(level=0).max()
-            planned = known.reindex(level.index).fillna(known.median())
+            at_master = pd.Series(np.median(heights, axis=1), names).groupby(level=0).max()
+            planned = at_master.reindex(level.index).fillna(at_master.median())
     return planned * (level / planned).median()
 
 
 def plan_causes(broken: pd.DataFrame, named: Sequence[str]) -> list[Found]:
     """Return slaves that are in the plan but do not respond, and the other way round."""
-    found = []
+    causes = []
     for name, count in broken.loc[broken["rule"] == "answers", ["object", "value"]].to_numpy():
         cause, evidence = MISSING, "it is in the plan, but the record contains no response"
         if count:
             cause, evidence = UNEXPECTED, f"it responds {count:.0f} times, but is not in the plan"
-        found.append(Found(cause, evidence, name.removeprefix("slave ")))
-    return [one for one in found if one.cause == UNEXPECTED or one.slave not in named]
+        causes.append(Found(cause, evidence, name.removeprefix("slave ")))
+    return [one for one in causes if one.cause == UNEXPECTED or one.slave not in named]
 
 
 def sender_causes(
@@ -351,7 +356,7 @@ def sender_causes(
     responses, and after its last one.
     """
     level = slaves["amplitude_V"]
-    found = []
+    causes = []
     observed = slaves[(slaves["errors"] + slaves["answers"] > 1) & (slaves.index != "unknown")]
     for label, slave in observed.iterrows():
         height, normal = slave["amplitude_V"], usual[str(label)]
@@ -361,16 +366,16 @@ def sender_causes(
             evidence += (
                 f"; {int(slave['errors'])} of its responses are bad, as if two slaves responded"
             )
-            found.append(Found(DUPLICATE, evidence, str(label)))
+            causes.append(Found(DUPLICATE, evidence, str(label)))
         elif height < WEAKER * normal:
-            found.append(Found(WEAK, evidence, str(label)))
+            causes.append(Found(WEAK, evidence, str(label)))
     bad = slaves["errors"] + slaves["bad_requests"]
-    named = [one.slave for one in found]
+    named = [one.slave for one in causes]
     bad = bad[(bad > 0) & ~bad.index.isin(named)]
     silent = slaves.index[(slaves["answers"] == 0) & (slaves["requests"] > 2)]
     # Each response that is too weak to be read leaves a burst.
     too_weak = len(silent) == 1 and 2 * bursts >= sum(silences.get(silent[0], ()))
-    if bursts and not len(bad) and not found and too_weak:
+    if bursts and not len(bad) and not causes and too_weak:
         evidence = f"none of its responses can be read; {bursts} bursts are not telegrams"
         return [Found(WEAK, evidence, str(silent[0]))]
     for label, series in silences.items():
@@ -387,14 +392,14 @@ def sender_causes(
             continue
         else:
             evidence = f"{max(series)} data exchanges in a row have no response, but later ones do"
-        found.append(Found(SILENT, evidence, label))
+        causes.append(Found(SILENT, evidence, label))
     one = bad.index[0] if len(bad) == 1 and bad.index[0] != "unknown" else ""
     if one and slaves["errors"][one] == bad[one] >= 3:
         evidence = (
             f"all {int(bad[one])} bad telegrams are its responses, as if two slaves responded"
         )
-        found.append(Found(DUPLICATE, evidence, str(one)))
+        causes.append(Found(DUPLICATE, evidence, str(one)))
     elif len(bad) or (bursts and not named):
         where = f"{int(bad.sum())} intermittent bad telegrams at {len(bad)} slaves"
-        found.append(Found(INTERFERENCE, f"{where}; {bursts} bursts that are not telegrams"))
-    return found
+        causes.append(Found(INTERFERENCE, f"{where}; {bursts} bursts that are not telegrams"))
+    return causes

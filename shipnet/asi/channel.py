@@ -185,11 +185,24 @@ NOBODY, UNUSUAL = -1, -2
 
 @compiled
 def run_cycles(
-    keys: Indices, polled: int, attempt: int, record: Rows, row: int, time: float,
-    requests: Rows, slaves: Indices, states: States, disturbances: Rows, errors: Integers,
-    failures: Integers, repetitions: int, drop_after: int,
-    transaction: tuple[float, float, float, float, float], until: float, event: float,
-) -> tuple[int, int, int, float]:  # fmt: skip
+    keys: Indices,
+    polled: int,
+    attempt: int,
+    record: Rows,
+    row: int,
+    time: float,
+    requests: Rows,
+    slaves: Indices,
+    states: States,
+    disturbances: Rows,
+    errors: Integers,
+    failures: Integers,
+    repetitions: int,
+    drop_after: int,
+    transaction: tuple[float, float, float, float, float],
+    until: float,
+    event: float,
+) -> tuple[int, int, int, float]:
     """Simulate cycles, telegram by telegram, and record the transactions; times are in bits.
 
     A row of `keys` is a cycle: the master polls the first slaves, as many as are `polled` (phase
@@ -201,8 +214,8 @@ def run_cycles(
     step = 0
     while step < keys.size and time < until:
         # The master sends a request.
-        cycle, place = step // keys.shape[1], step % keys.shape[1]
-        phase, key = max(0, place - polled + 1), keys[cycle, place]
+        cycle, position = step // keys.shape[1], step % keys.shape[1]
+        phase, key = max(0, position - polled + 1), keys[cycle, position]
         slave, end = slaves[phase, key], time + 14
         watchdog = phase == 0 and slave >= 0 and end * bit_time > states["expires"][slave]
         if slave == -2 or watchdog or end >= event:
@@ -267,9 +280,14 @@ class Channel:
     """
 
     def __init__(
-        self, stations: Stations, transaction: Transaction, attempts: int,
-        rng: np.random.Generator, cycles: float, until: float,
-    ) -> None:  # fmt: skip
+        self,
+        stations: Stations,
+        transaction: Transaction,
+        attempts: int,
+        rng: np.random.Generator,
+        cycles: float,
+        until: float,
+    ) -> None:
         """Simulate `cycles` cycles, or until the time `until` [bit]."""
         self.stations, self.transaction = stations, transaction
         self.cycles, self.until = cycles, until
@@ -419,13 +437,25 @@ class Channel:
             step, before = 0, self.row
             if self._late is None and self._spoilt < self.row:
                 step, attempt, self.row, self.time = run_cycles.run(
-                    self._steps, keys, polled, attempt,
-                    self._rows(keys.size * (1 + master.repetitions)), self.row, self.time,
-                    requests, slaves, self.stations.states,
-                    self._drawn[(self.begun - 1) % _CHUNK :], _ERRORS, master.failures,
-                    master.repetitions, master.drop_after, self._pauses, self.until,
+                    self._steps,
+                    keys,
+                    polled,
+                    attempt,
+                    self._rows(keys.size * (1 + master.repetitions)),
+                    self.row,
+                    self.time,
+                    requests,
+                    slaves,
+                    self.stations.states,
+                    self._drawn[(self.begun - 1) % _CHUNK :],
+                    _ERRORS,
+                    master.failures,
+                    master.repetitions,
+                    master.drop_after,
+                    self._pauses,
+                    self.until,
                     self._events[0][0] if self._events else inf,
-                )  # fmt: skip
+                )
             cycle, place = divmod(step, keys.shape[1])
             ahead, others = min(cycle, len(keys) - 1), keys[:, polled:].ravel()
             done = others[: 2 * cycle + max(0, place - polled)].tolist()
@@ -455,9 +485,13 @@ class Channel:
         for station, read in self._addressed(request) if self._readable(request) else []:
             lost, missed, variant = self._disturbance(station, attempt)
             pause = receive(
-                self.stations.states, station.place, number, lost, missed or spoilt,
+                self.stations.states,
+                station.place,
+                number,
+                lost,
+                missed or spoilt,
                 self.transaction.unsynchronised,
-            )  # fmt: skip
+            )
             data = (
                 NONE
                 if lost
@@ -470,9 +504,17 @@ class Channel:
         reply, pause, error = self._resolve(request, end, answers)
         silent = request.call.rule.answer is None
         self._rows(1)[self.row] = (
-            start, attempt, 0 if silent else error, pause, max(reply, -1), bool(answers) or silent,
-            self._phase, self._cycle, self.standby, *_columns(request),
-        )  # fmt: skip
+            start,
+            attempt,
+            0 if silent else error,
+            pause,
+            max(reply, -1),
+            bool(answers) or silent,
+            self._phase,
+            self._cycle,
+            self.standby,
+            *_columns(request),
+        )
         self.row = number
         return reply
 

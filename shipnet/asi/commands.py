@@ -78,10 +78,10 @@ class ChangeAddress:
             lists.forget(old)
             yield Request(Call.DELETE_ADDRESS, old >> 1, half=half_of(old, identity.profile))
             # The response may be lost although the address was deleted, so check address 0.
-            found = yield from identify(0)
-            if found is None or found.profile != identity.profile:
+            identity_there = yield from identify(0)
+            if identity_there is None or identity_there.profile != identity.profile:
                 raise CommandFailed(f"slave {self.old} did not delete its address")
-            lists.note(0, found)
+            lists.note(0, identity_there)
         if not (yield from move(lists, self.new)):
             raise CommandFailed(f"slave {self.old} was not found at address {self.new}")
         yield from activate(lists, new)
@@ -110,11 +110,11 @@ class ReadCodes(_OfSlave):
 
     def run(self, lists: Lists) -> Task[str]:
         """Yield the requests, and return the outcome in words."""
-        found = yield from identify(slave_key(self.slave)[0])
-        if found is None:
+        identity_there = yield from identify(slave_key(self.slave)[0])
+        if identity_there is None:
             raise CommandFailed(f"slave {self.slave} does not return its codes")
-        id1 = f"ID1 {found.id1:X}" if found.id1 >= 0 else "no ID1"
-        return f"slave {self.slave} is {found.profile}, {id1}"
+        id1 = f"ID1 {identity_there.id1:X}" if identity_there.id1 >= 0 else "no ID1"
+        return f"slave {self.slave} is {identity_there.profile}, {id1}"
 
 
 @record

@@ -56,30 +56,46 @@ class Master:
     """
 
     projected: Mapping[str, Profile | str] | None = part(
-        Mapping, "Profiles of the projected slaves by label: the master activates only these "
+        Mapping,
+        "Profiles of the projected slaves by label: the master activates only these "
         "(protected mode); if omitted, it activates all slaves (configuration mode)",
-        default=None, optional=True, make=_no_profiles,
-    )  # fmt: skip
+        default=None,
+        optional=True,
+        make=_no_profiles,
+    )
     outputs: Mapping[str, int] = part(
-        Mapping, "Outputs of each slave by label, 0..15, or 0..7 for an A/B slave; by default all "
-        "bits are set", default_factory=dict, kw_only=True,
-    )  # fmt: skip
+        Mapping,
+        "Outputs of each slave by label, 0..15, or 0..7 for an A/B slave; by default all "
+        "bits are set",
+        default_factory=dict,
+        kw_only=True,
+    )
     repetitions: int = whole(
         0, 7, help="Number of immediate repetitions of a failed request", default=1, kw_only=True
     )
     drop_after: int = whole(
-        1, 1000, help="Number of consecutive data exchanges that fail, repetitions included, "
-        "before a slave is dropped", default=3, kw_only=True,
-    )  # fmt: skip
+        1,
+        1000,
+        help="Number of consecutive data exchanges that fail, repetitions included, "
+        "before a slave is dropped",
+        default=3,
+        kw_only=True,
+    )
     automatic_addressing: bool = switch(
         "True if a new slave at address 0 replaces the only missing slave, provided that both "
-        "have the same profile; in protected mode only", default=False, kw_only=True,
-    )  # fmt: skip
+        "have the same profile; in protected mode only",
+        default=False,
+        kw_only=True,
+    )
     node: str = text("Node of the master; required in a plan", default="", kw_only=True)
     current: float = number(
-        0, 10, "A", "Current drawn from the line; the default assumes a slave's current",
-        default=CURRENT, kw_only=True,
-    )  # fmt: skip
+        0,
+        10,
+        "A",
+        "Current drawn from the line; the default assumes a slave's current",
+        default=CURRENT,
+        kw_only=True,
+    )
 
     def __post_init__(self) -> None:
         if self.node:
@@ -168,8 +184,8 @@ class Lists:
 
     def label(self, key: int) -> str:
         """Return the label of the slave with a given key."""
-        known = self.detected.get(key)
-        return label_of(key, extended=known is not None and known.profile.extended)
+        identity = self.detected.get(key)
+        return label_of(key, extended=identity is not None and identity.profile.extended)
 
     def parameter(self, key: int) -> int:
         """Return the parameter bits of a detected slave."""
@@ -303,11 +319,11 @@ def move(lists: Lists, label: str) -> Task[bool]:
         yield from wait_for_storing(0, None)
     yield Request(Call.ASSIGN_ADDRESS, 0, key >> 1)
     yield from wait_for_storing(key >> 1, half)
-    found = yield from identify(key)
-    if found is None or found.profile != identity.profile:
+    identity_there = yield from identify(key)
+    if identity_there is None or identity_there.profile != identity.profile:
         return False
     lists.forget(0)
-    lists.note(key, found)
+    lists.note(key, identity_there)
     return True
 
 

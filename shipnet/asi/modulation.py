@@ -132,10 +132,10 @@ def violated(pulse: Signs | list[int]) -> tuple[int, int, int, int, int, int, in
 @compiled
 def violated_by_rows(pulses: Signs) -> Signs:
     """Return the slot that first violates each rule, one row per telegram."""
-    places = np.zeros((len(pulses), 7), np.int8)
+    slots = np.zeros((len(pulses), 7), np.int8)
     for row in range(len(pulses)):
-        places[row] = violated(pulses[row])
-    return places
+        slots[row] = violated(pulses[row])
+    return slots
 
 
 def decided(pulses: Signs, places: Signs) -> tuple[Signs, Codes]:
@@ -278,8 +278,9 @@ class Modulation:
             return axes
         pulses = self.pulses
         for ax, row, what in [
-            (axes[0], bits, "1 bits to send"), (axes[5], pulses.decode(), "6 bits received"),
-        ]:  # fmt: skip
+            (axes[0], bits, "1 bits to send"),
+            (axes[5], pulses.decode(), "6 bits received"),
+        ]:
             ax.step(edges[::2], [int(bit) for bit in row + row[-1]], where="post", color="C0")
             _write_bits(ax, row, 0.5)
             ax.set(ylabel="level [1]", ylim=(-0.2, 1.2), title=what)
@@ -297,23 +298,23 @@ class Modulation:
 _SIGN = {-1: "-", 0: "no pulse", 1: "+"}
 
 
-def _violation(rule: str, place: int, pulse: Sequence[int]) -> str:
+def _violation(rule: str, at: int, pulse: Sequence[int]) -> str:
     """Describe the violation of a rule at a slot."""
-    slot = f"slot {place} has {_SIGN[pulse[place]]}"
+    slot = f"slot {at} has {_SIGN[pulse[at]]}"
     if rule == "start":
-        must = "the start bit's pulse must be -" if place else "the first pulse belongs in slot 1"
+        must = "the start bit's pulse must be -" if at else "the first pulse belongs in slot 1"
         return f"{slot}; {must}"
     if rule == "alternation":
-        before = max(k for k in range(place) if pulse[k])
+        before = max(k for k in range(at) if pulse[k])
         return f"{slot} like slot {before}, the previous pulse; signs must alternate"
     if rule == "pause":
-        return f"slots {place} and {place + 1} are both empty inside the telegram"
+        return f"slots {at} and {at + 1} are both empty inside the telegram"
     if rule == "information":
-        return f"slot {place}, the middle of bit {place // 2}, is empty"
+        return f"slot {at}, the middle of bit {at // 2}, is empty"
     if rule == "parity":
-        bits = "".join("1" if sign > 0 else "0" for sign in pulse[1 : place + 1 : 2])
+        bits = "".join("1" if sign > 0 else "0" for sign in pulse[1 : at + 1 : 2])
         count = bits.count("1")
-        return f"slots 1 to {place} contain {bits}, with {count} ones; the number must be even"
+        return f"slots 1 to {at} contain {bits}, with {count} ones; the number must be even"
     if rule == "end":
         return f"{slot}; the end bit's pulse must be +"
     return f"{slot}; the line must be silent after slot {len(pulse) - 3}"
@@ -321,8 +322,8 @@ def _violation(rule: str, place: int, pulse: Sequence[int]) -> str:
 
 def _write_bits(ax: Axes, bits: str, height: float, va: str = "center") -> None:
     """Write each bit in the middle of its bit time."""
-    for place, bit in enumerate(bits):
-        middle = (2 * place + 1) * HALF_BIT * 1e6
+    for index, bit in enumerate(bits):
+        middle = (2 * index + 1) * HALF_BIT * 1e6
         ax.text(middle, height, bit, ha="center", va=va, family="monospace")
 
 
@@ -410,8 +411,8 @@ class Pulses:
         """Slot that first violates each rule, or -1; the last axis has the order of `CLASSES`."""
         pulses = self._telegrams
         rows = pulses.reshape(-1, pulses.shape[-1])
-        places = violated_by_rows.run(rows.size, rows)
-        return places.reshape(*pulses.shape[:-1], len(CLASSES))
+        slots = violated_by_rows.run(rows.size, rows)
+        return slots.reshape(*pulses.shape[:-1], len(CLASSES))
 
     @property
     def violations(self) -> Bools:
@@ -425,16 +426,16 @@ class Pulses:
     def decode(self) -> str:
         """Return the bits of one telegram, or raise the FrameError of the first violated rule."""
         pulse = self._telegram
-        for (rule, kind), place in zip(CLASSES.items(), violated(pulse), strict=True):
-            if place >= 0:
-                raise kind(_violation(rule, place, pulse))
+        for (rule, kind), slot in zip(CLASSES.items(), violated(pulse), strict=True):
+            if slot >= 0:
+                raise kind(_violation(rule, slot, pulse))
         return "".join("1" if sign > 0 else "0" for sign in pulse[1:-2:2])
 
     @property
     def broken(self) -> tuple[str, ...]:
         """Names of the rules that one telegram violates, in the order of the checks."""
-        places = violated(self._telegram)
-        return tuple(rule for rule, place in zip(CLASSES, places, strict=True) if place >= 0)
+        slots = violated(self._telegram)
+        return tuple(rule for rule, place in zip(CLASSES, slots, strict=True) if place >= 0)
 
     @property
     def error(self) -> str:
@@ -472,8 +473,8 @@ def collide(telegrams: tuple[tuple[str, int], ...], n_bits: int) -> tuple[str, i
     for telegram, start in telegrams:
         pulses = Modulation(telegram).pulses.signs
         slots = start + np.arange(pulses.size)
-        heard = (slots >= 0) & (slots < total.size)
-        total[slots[heard]] += pulses[heard]
+        inside = (slots >= 0) & (slots < total.size)
+        total[slots[inside]] += pulses[inside]
     bits, error = Pulses(np.sign(total)).check()
     return ("", int(error)) if error else ("".join(map(str, bits)), 0)
 

@@ -349,15 +349,21 @@ class Plan:
         ['1', '2', '3'] []
         """
         return record_segment(
-            self.only("record"), duration, node=node, dt=dt, weak=weak or {},
-            disturbance=disturbance, amplitude=amplitude, rng=rng,
-        )  # fmt: skip
+            self.only("record"),
+            duration,
+            node=node,
+            dt=dt,
+            weak=weak or {},
+            disturbance=disturbance,
+            amplitude=amplitude,
+            rng=rng,
+        )
 
     def quality(self) -> Quality:
         """Return the signal quality of each slave's 16 responses, for a one-segment plan."""
         segment = self.only("quality")
-        found = segment.quality([slave.node for slave in segment.slaves], RESPONSES)
-        return found._replace(slaves=tuple(slave.label for slave in segment.slaves))
+        signals = segment.quality([slave.node for slave in segment.slaves], RESPONSES)
+        return signals._replace(slaves=tuple(slave.label for slave in segment.slaves))
 
     def error_rates(self, noise_density: float, *, before: float | None = None) -> pd.DataFrame:
         """Return the error rates of telegrams in white noise, for a one-segment plan.
@@ -375,13 +381,14 @@ class Plan:
         check_scalar("noise_density", noise_density, "V per root hertz", 1e-12, 1e6)
         waves = self.waveform(PROBES, before=before), self.waveform(before=before)
         rows = []
-        for place, slave in enumerate(self.slaves):
-            own = [replace(wave, u=wave.u[place], names=()) for wave in waves]
+        for index, slave in enumerate(self.slaves):
+            of_slave = [replace(wave, u=wave.u[index], names=()) for wave in waves]
             for name, receiver in RECEIVERS.items():
                 why = ""
                 try:
                     request, response = (
-                        error_rate(wave, noise_density, receiver=receiver).item() for wave in own
+                        error_rate(wave, noise_density, receiver=receiver).item()
+                        for wave in of_slave
                     )
                 except ArgumentError as reason:
                     request, response, why = np.nan, np.nan, str(reason)
@@ -450,9 +457,10 @@ class Plan:
         for slave, segment in self.located:
             cycle, delay = cycles[segment.line], segment.delay
             polled: dict[str, Any] = {
-                "channels": slave.channels, "direction": direction,
+                "channels": slave.channels,
+                "direction": direction,
                 "paired": used[segment.line, slave.address] > 1,
-            }  # fmt: skip
+            }
             try:
                 if one.master_pause * one.bit_time + 2 * delay > one.timeout * one.bit_time:
                     raise ArgumentError("its repeaters delay responses beyond the time-out")
@@ -488,13 +496,13 @@ class Plan:
         table = None if findings is None else findings.table()
         failed = set() if table is None else set(table.loc[table["verdict"] != "met", "object"])
         points: dict[str, list[Floats]] = {kind: [] for kind in _MARKS}
-        places: dict[str, Floats] = {}
+        spots: dict[str, Floats] = {}
         top = 0.0
         for segment in self.segments:
             network = segment.network
             placed = network.layout(segment.head)
             origin = np.array([segment.lead, top])
-            places |= dict(zip(network.nodes, placed.spot + origin, strict=True))
+            spots |= dict(zip(network.nodes, placed.spot + origin, strict=True))
             colour = LIMIT["color"] if str(segment) in failed else "0.6"
             for stroke in placed.strokes:
                 ax.plot(*(stroke + origin[:, np.newaxis]), color=colour, zorder=1)
@@ -503,22 +511,21 @@ class Plan:
             top += placed.lowest - 1.5
         devices: tuple[Any, ...] = (*self.masters, *self.supplies, *self.terminators)
         for device in devices:
-            points[type(device).__name__.lower()].append(places[device.node])
+            points[type(device).__name__.lower()].append(spots[device.node])
         for repeater in self.repeaters:
-            ends = np.array([places[repeater.a], places[repeater.b]])
+            ends = np.array([spots[repeater.a], spots[repeater.b]])
             ax.plot(*ends.T, ":", color="C1", zorder=1)
             # Keep the marker clear of the branches at the upper node.
             points["repeater"].append(ends[ends[:, 1].argmin()] + [0, 0.75])
         for slave in self.slaves:
             verdict = ", failed" if str(slave) in failed else ", passed"
-            points["slave" + ("" if findings is None else verdict)].append(places[slave.node])
+            points["slave" + ("" if findings is None else verdict)].append(spots[slave.node])
         if len(self.slaves) <= _NAMED:
             for node in dict.fromkeys(slave.node for slave in self.slaves):
                 labels = " ".join(slave.label for slave in self.slaves if slave.node == node)
                 ax.annotate(
-                    labels, tuple(places[node]), (0, 6), textcoords="offset points",
-                    ha="center",
-                )  # fmt: skip
+                    labels, tuple(spots[node]), (0, 6), textcoords="offset points", ha="center"
+                )
         for label, (marker, colour, size) in _MARKS.items():
             if points[label] or (table is not None and label.startswith("slave,")):
                 look = {"marker": marker, "color": colour, "markersize": size, "linestyle": "none"}
@@ -544,9 +551,9 @@ class PlanFindings(Findings):
 
 def plan_of(elements: Iterable[Element], notes: Notes | None = None) -> Plan:
     """Return a plan with the given elements, which may be in any order."""
-    given = list(elements)
+    every = list(elements)
     kinds: dict[str, Any] = {
-        name: [one for one in given if isinstance(one, kind)] for name, kind in _KINDS.items()
+        name: [one for one in every if isinstance(one, kind)] for name, kind in _KINDS.items()
     }
     return Plan(**kinds, notes=notes or {})
 
@@ -600,11 +607,14 @@ class Comparison:
         """Return the worst values of all slaves, one row per plan."""
         rows = {
             name: (
-                len(q.received), q.received.min(), q.level_least.min(), q.evenness.min(),
+                len(q.received),
+                q.received.min(),
+                q.level_least.min(),
+                q.evenness.min(),
                 q.ringing.max(),
             )
             for name, q in self.qualities.items()
-        }  # fmt: skip
+        }
         columns = ["slaves", "received", "level_least_Vpp", "evenness", "ringing"]
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("plan")

@@ -81,12 +81,12 @@ class Profile:
         """Return the profile for a name such as ``S-7.A.E``; a `Profile` is returned unchanged."""
         if isinstance(text, Profile):
             return text
-        found = re.fullmatch(r"[Ss]-([0-9A-Fa-f])\.([0-9A-Fa-f])(?:\.([0-9A-Fa-f]))?", text)
-        if not found:
+        match = re.fullmatch(r"[Ss]-([0-9A-Fa-f])\.([0-9A-Fa-f])(?:\.([0-9A-Fa-f]))?", text)
+        if not match:
             raise ArgumentError(
                 f"profile is {text!r}; it must look like 'S-7.A.E' or 'S-0.F', in hexadecimal"
             )
-        return cls(*(int(code, 16) for code in found.groups() if code is not None))
+        return cls(*(int(code, 16) for code in match.groups() if code is not None))
 
     @property
     def ports(self) -> tuple[Port, ...]:

@@ -181,9 +181,12 @@ class Receiver:
         0, 1, "", "Smallest pulse, relative to the first; above 0 and below 1", default=0.5
     )
     window: float = number(
-        0, 0.5, "half-bits", "The largest sample within this distance of a slot's middle counts",
+        0,
+        0.5,
+        "half-bits",
+        "The largest sample within this distance of a slot's middle counts",
         default=0.1,
-    )  # fmt: skip
+    )
     matched: bool = switch("True to apply the matched filter first", default=True)
     minimum: float = number(0, 1e9, "V", "Smallest voltage of a pulse", default=MINIMUM)
     source: str = field(default="", kw_only=True, repr=False, compare=False)
@@ -271,21 +274,21 @@ class Waveform(line_waveform.Waveform):
         from scipy.ndimage import map_coordinates
 
         bits, rows = self.records
-        heard = receive(rows, self.dt, bits.shape[-1], matched=False)
-        if not np.isfinite(heard.start).all():
+        received = receive(rows, self.dt, bits.shape[-1], matched=False)
+        if not np.isfinite(received.start).all():
             raise ArgumentError("a telegram in u has no pulse above the receiver's minimum")
         signs = np.pad(Modulation(bits).pulses.signs, ((0, 0), (0, 2)))[:, 1:]
         t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, 61)
-        middles = heard.start[:, np.newaxis] + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
-        place = (middles[..., np.newaxis] + t) / self.dt
-        if place.max() > rows.shape[1] - 1:
+        middles = received.start[:, np.newaxis] + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
+        samples = (middles[..., np.newaxis] + t) / self.dt
+        if samples.max() > rows.shape[1] - 1:
             raise ArgumentError(
                 f"u ends after {rows.shape[1] * self.dt:.3g} s; a telegram with its silence lasts "
-                f"until {place.max() * self.dt:.3g} s"
+                f"until {samples.max() * self.dt:.3g} s"
             )
         # The row coordinate must be a whole number, or two telegrams would blend.
-        row = np.broadcast_to(np.arange(len(rows))[:, np.newaxis, np.newaxis], place.shape)
-        folded = map_coordinates(rows - rows.mean(axis=1, keepdims=True), [row, place], order=1)
+        row = np.broadcast_to(np.arange(len(rows))[:, np.newaxis, np.newaxis], samples.shape)
+        folded = map_coordinates(rows - rows.mean(axis=1, keepdims=True), [row, samples], order=1)
         folded /= np.abs(folded).max(axis=(1, 2), keepdims=True)
         filled = signs != 0
         return Eye(t, folded[filled] * signs[filled][:, np.newaxis], folded[~filled])
@@ -323,9 +326,16 @@ def line_filter(u: Floats, taps: Floats) -> Floats:
 
 @compiled
 def listen(
-    u: Floats, taps: Floats, half_bit: float, n_bits: int, threshold: float, minimum: float,
-    window: int, near: int, even: float,
-) -> tuple[Signs, float, float, float, float]:  # fmt: skip
+    u: Floats,
+    taps: Floats,
+    half_bit: float,
+    n_bits: int,
+    threshold: float,
+    minimum: float,
+    window: int,
+    near: int,
+    even: float,
+) -> tuple[Signs, float, float, float, float]:
     """Return the pulses of a telegram; first peak [samples], amplitude, weakest pulse, ringing.
 
     The receiver filters the line voltage, whose mean is 0, waits for the first pulse and then looks
@@ -376,9 +386,17 @@ def listen(
 
 @compiled
 def listen_to_rows(
-    u: Floats, mean: Floats, taps: Floats, half_bit: float, n_bits: int, threshold: float,
-    minimum: float, window: int, near: int, even: float,
-) -> tuple[Signs, Signs, Floats]:  # fmt: skip
+    u: Floats,
+    mean: Floats,
+    taps: Floats,
+    half_bit: float,
+    n_bits: int,
+    threshold: float,
+    minimum: float,
+    window: int,
+    near: int,
+    even: float,
+) -> tuple[Signs, Signs, Floats]:
     """Return the pulses, the violated rules and the four numbers of each telegram."""
     slots, places = np.zeros((len(u), 2 * n_bits + 2), np.int8), np.zeros((len(u), 7), np.int8)
     numbers = np.zeros((4, len(u)))
@@ -417,10 +435,18 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     taps, half_bit = _pulse_shape(dt) if receiver.matched else np.ones(1), HALF_BIT / dt
     window, near = int(receiver.window * half_bit + 1e-9), int(_REACH * half_bit) + 1
     slots, places, (peak, *heights) = listen_to_rows.run(
-        len(rows) * (2 * near + (2 * n_bits + 2) * (2 * window + 2)), rows, mean, taps, half_bit,
-        n_bits, receiver.threshold * (1 + _EVEN), max(receiver.minimum, _LEAST) * (1 + _EVEN),
-        window, near, 1 + _EVEN,
-    )  # fmt: skip
+        len(rows) * (2 * near + (2 * n_bits + 2) * (2 * window + 2)),
+        rows,
+        mean,
+        taps,
+        half_bit,
+        n_bits,
+        receiver.threshold * (1 + _EVEN),
+        max(receiver.minimum, _LEAST) * (1 + _EVEN),
+        window,
+        near,
+        1 + _EVEN,
+    )
     bits, error = decided(slots, places)
     error[np.isnan(peak)] = SilenceError.code
     fields = (bits, error, peak * dt - 1.5 * HALF_BIT, *heights, slots)

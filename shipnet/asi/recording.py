@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shipnet.arrays import Complexes, Floats
+from shipnet.arrays import Floats
 from shipnet.asi.master import FAULTY, SILENT, Phase, RunningMaster
-from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spectrum
+from shipnet.asi.modulation import HALF_BIT, Modulation
 from shipnet.asi.receiver import Disturbance, RNGLike, receive
+from shipnet.asi.segment import Segment, step_response
 from shipnet.asi.slave import RunningSlave
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar
-from shipnet.line.waveform import F_MAX, Waveform, record_of
-
-if TYPE_CHECKING:
-    from shipnet.asi.segment import Segment
+from shipnet.line.waveform import Waveform
 
 #: Duration for which the voltage of a current step is computed [s]; no line rings longer.
 _RINGS = 250e-6
@@ -48,21 +45,17 @@ class _Recorder:
             slave.pause()
         network = segment.network
         rows = [network.index(slave.node) for slave in segment.slaves]
-        places = [*rows, network.index(node, "node")]
+        listeners = [*rows, network.index(node, "node")]
         self.dt, self.slot, self.at = dt, round(HALF_BIT / dt), round(_AHEAD / dt)
 
         def heard(sender: str, rows: list[int]) -> Floats:
-            def change(s: Complexes) -> Complexes:
-                z = network.transfer(sender, s)[..., rows, :]
-                return np.asarray(-z * SEND_CURRENT * ramp_spectrum(s) / s)
-
-            u = record_of(change, round(_RINGS / dt), dt, F_MAX)
+            u = step_response(network, sender, rows, round(_RINGS / dt), dt)
             # Fade out the end, which would otherwise be a step.
             return u * np.minimum(1, 2 * np.linspace(1, 0, u.shape[-1]))
 
         #: Voltages [V] that a step of the master's current causes at each slave and at the scope;
         #: by reciprocity, a step of a slave's current causes the same voltage at the master.
-        self.asked = heard(segment.head, places)
+        self.asked = heard(segment.head, listeners)
         #: Voltages [V] that a step of each slave's current causes at the scope.
         self.scope = self.asked[:-1] if node == segment.head else heard(node, rows)
         self.strength = np.array([weak.get(slave.label, 1.0) for slave in segment.slaves])
@@ -93,16 +86,16 @@ class _Recorder:
         """Return the voltage of a telegram, computed from that of one current step."""
         steps = Modulation(bits).steps
         u = np.zeros((*change.shape[:-1], change.shape[-1] + len(steps) * self.slot), np.float32)
-        for place in np.flatnonzero(steps) * self.slot:
-            u[..., place : place + change.shape[-1]] += steps[place // self.slot] * change
+        for start in np.flatnonzero(steps) * self.slot:
+            u[..., start : start + change.shape[-1]] += steps[start // self.slot] * change
         return u
 
     def bits(self, rows: slice, start: int, count: int) -> list[str]:
         """Return the bits that receivers read, "" for a bad telegram."""
         end = start + round((2 * count * HALF_BIT + _AFTER) / self.dt)
-        heard = receive(self.u[rows, start - round(_BEFORE / self.dt) : end], self.dt, count)
-        texts = ("".join(map(str, row)) for row in heard.bits.tolist())
-        return ["" if error else text for text, error in zip(texts, heard.error, strict=True)]
+        received = receive(self.u[rows, start - round(_BEFORE / self.dt) : end], self.dt, count)
+        texts = ("".join(map(str, row)) for row in received.bits.tolist())
+        return ["" if error else text for text, error in zip(texts, received.error, strict=True)]
 
     def transact(self, request: str, rng: np.random.Generator) -> int:
         """Send a request, let the slaves respond, and return their data, `SILENT` or `FAULTY`."""
@@ -120,8 +113,8 @@ class _Recorder:
             if answer is not None:
                 pause = _TIMES.master_pause + (0 if in_step else _TIMES.unsynchronised)
                 begin = end + round(pause * bit) + round(rng.uniform(0, _LATE) / self.dt)
-                heard = np.stack([self.scope[k], self.asked[k]]) * self.strength[k]
-                self.put(slice(count, None), self.telegram(heard, answer.bits), begin)
+                voltages = np.stack([self.scope[k], self.asked[k]]) * self.strength[k]
+                self.put(slice(count, None), self.telegram(voltages, answer.bits), begin)
                 first, last = min(first or begin, begin), max(last, begin)
         if not last:
             return SILENT

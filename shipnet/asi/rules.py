@@ -78,21 +78,29 @@ def check_lines(
         raise ArgumentError(f"limits lack {', '.join(missing)}")
     transaction = Transaction() if transaction is None else transaction
     rows = [row for line in lines for row in _rows(line, wanted_cycle, transaction)]
-    rule, name, values, own, why = zip(*rows, strict=True)
+    rule, name, values, own_limits, why = zip(*rows, strict=True)
     rank = {rule: place for place, rule in enumerate(bounds.index)}
-    places = [rank[one] for one in rule]
-    limit = {column: bounds[column].to_numpy()[places] for column in published.columns}
+    rows_of_limits = [rank[one] for one in rule]
+    limit = {column: bounds[column].to_numpy()[rows_of_limits] for column in published.columns}
     value, low = np.array(values, dtype=float), limit["low"].astype(float)
-    high = np.array(own, dtype=float)
+    high = np.array(own_limits, dtype=float)
     high = np.where(np.isnan(high), limit["high"].astype(float), high)
     # A comparison with NaN, which means no limit, is False.
     beyond = (value < low - _SLACK * abs(low)) | (value > high + _SLACK * abs(high))
     verdict = np.where(np.isnan(value), "not verified", np.where(beyond, "violated", "met"))
     reason = [said or note for said, note in zip(why, limit["note"], strict=True)]
     columns = (
-        rule, name, value, low, high, limit["unit"], verdict, reason, limit["source"],
+        rule,
+        name,
+        value,
+        low,
+        high,
+        limit["unit"],
+        verdict,
+        reason,
+        limit["source"],
         limit["graded"],
-    )  # fmt: skip
+    )
     return pd.DataFrame(dict(zip((*COLUMNS, "graded"), columns, strict=True)))
 
 
@@ -101,9 +109,9 @@ def meets(lines: Sequence[tuple[Segment, ...]], limits: pd.DataFrame) -> bool:
     ends = limits["low"].fillna(-np.inf), limits["high"].fillna(np.inf)
     bounds = dict(zip(limits.index, zip(*ends, strict=True), strict=True))
     for line in lines:
-        for rule, _, value, own, _ in _rows(line, None, Transaction()):
+        for rule, _, value, own_limit, _ in _rows(line, None, Transaction()):
             low, high = bounds[rule]
-            high = high if own is None else own
+            high = high if own_limit is None else own_limit
             if not low - _SLACK * abs(low) <= value <= high + _SLACK * abs(high):
                 return False
     return True

@@ -117,6 +117,24 @@ PROBES = ("01010101010101", "01111111111111", "00011111111111")
 # Telegrams as voltages -------------------------------------------------------------------------
 
 
+def step_response(
+    network: Network,
+    sender: str,
+    rows: Sequence[int],
+    size: int,
+    dt: float,
+    before: float = 0.0,
+    f_max: float = F_MAX,
+) -> Floats:
+    """Return the voltage [V] in `rows` of the network if the current steps at `before` [s]."""
+
+    def voltage(s: Complexes) -> Complexes:
+        step = -SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before)
+        return np.asarray(network.transfer(sender, s)[..., rows, :] * step)
+
+    return record_of(voltage, size, dt, f_max)
+
+
 def telegram_voltages(
     network: Network,
     master: str,
@@ -142,21 +160,15 @@ def telegram_voltages(
     # The record has a whole number of samples; any other length would stretch its time axis.
     sizes = [ceil(round((before + steps.shape[1] * HALF_BIT + after) / dt, 6)) for steps in many]
     rows = [network.index(node, "node") for node in nodes]
-
-    def change(s: Complexes) -> Complexes:
-        heard = network.transfer(master, s)[..., rows, :]
-        heard *= -SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before)
-        return heard
-
     # A telegram is a sequence of equal current steps.
-    heard = record_of(change, max(sizes), dt, f_max)
-    found = []
+    response = step_response(network, master, rows, max(sizes), dt, before, f_max)
+    voltages = []
     for steps, n_t in zip(many, sizes, strict=True):
         changes = np.zeros((len(nodes), steps.shape[1], n_t))
-        for place in range(steps.shape[1]):
-            changes[:, place, place * slot :] = heard[:, : n_t - place * slot]
-        found.append(np.asarray(steps @ changes))
-    return found
+        for step in range(steps.shape[1]):
+            changes[:, step, step * slot :] = response[:, : n_t - step * slot]
+        voltages.append(np.asarray(steps @ changes))
+    return voltages
 
 
 class Quality(NamedTuple):
@@ -215,15 +227,19 @@ def quality_of(*waves: Waveform) -> Quality:
     """Return the quality at each node, over all telegrams of waveforms with the same nodes."""
     parts = []
     for wave in waves:
-        heard = receive(wave.u, wave.dt, wave.bits.shape[-1])
-        right = (heard.error == 0) & (heard.bits == wave.bits).all(axis=-1)
-        weakest, ringing = np.nan_to_num(heard.weakest), np.nan_to_num(heard.ringing, nan=1.0)
+        received = receive(wave.u, wave.dt, wave.bits.shape[-1])
+        right = (received.error == 0) & (received.bits == wave.bits).all(axis=-1)
+        weakest, ringing = np.nan_to_num(received.weakest), np.nan_to_num(received.ringing, nan=1.0)
         parts.append(np.stack([np.ptp(wave.u, axis=-1), weakest, ringing, right]))
     level, weakest, ringing, right = np.concatenate(parts, axis=2)
     return Quality(
-        level.min(axis=1), level.max(axis=1), weakest.min(axis=1), ringing.max(axis=1),
-        right.mean(axis=1), waves[0].names,
-    )  # fmt: skip
+        level.min(axis=1),
+        level.max(axis=1),
+        weakest.min(axis=1),
+        ringing.max(axis=1),
+        right.mean(axis=1),
+        waves[0].names,
+    )
 
 
 # Segments -------------------------------------------------------------------------------------
@@ -268,8 +284,8 @@ class Segment:
     @property
     def draws(self) -> list[tuple[str, float]]:
         """Node and current [A] of each master, slave and repeater."""
-        own: tuple[Master | Slave, ...] = (*self.masters, *self.slaves)
-        draws = [(device.node, device.current) for device in own]
+        devices: tuple[Master | Slave, ...] = (*self.masters, *self.slaves)
+        draws = [(device.node, device.current) for device in devices]
         return draws + [(node, repeater.current) for repeater, node in self.ports]
 
     @property
@@ -296,13 +312,15 @@ class Segment:
     @cached_property
     def network(self) -> Network:
         """Network of its cables and loads."""
-        given = [(device.node, device.load) for device in self.slaves]
-        given += [(device.node, DEVICE) for device in self.masters]
-        given += [(node, DEVICE) for _, node in self.ports]
-        given += [(supply.node, supply.load) for supply in self.supplies]
-        given += [(plug.node, Load(plug.resistance, plug.inductance)) for plug in self.terminators]
+        attached = [(device.node, device.load) for device in self.slaves]
+        attached += [(device.node, DEVICE) for device in self.masters]
+        attached += [(node, DEVICE) for _, node in self.ports]
+        attached += [(supply.node, supply.load) for supply in self.supplies]
+        attached += [
+            (plug.node, Load(plug.resistance, plug.inductance)) for plug in self.terminators
+        ]
         loads: dict[str, Load] = {}
-        for node, load in given:
+        for node, load in attached:
             loads[node] = loads[node] + load if node in loads else load
         return Network(self.cables, loads)
 
@@ -336,20 +354,20 @@ class Segment:
         if before is None:
             one, response = Transaction(), bits[0].shape[-1] == RESPONSE_BITS
             before = (one.master_pause if response else one.slave_pause) * one.bit_time
-        found = telegram_voltages(
+        voltages = telegram_voltages(
             self.network, self.head, nodes, *bits, dt=dt, before=before, after=after
         )
         return [
             Waveform(u if b.ndim == 2 else u[:, 0], dt, start=-before, names=tuple(nodes), bits=b)
-            for u, b in zip(found, bits, strict=True)
+            for u, b in zip(voltages, bits, strict=True)
         ]
 
     def quality(self, nodes: Sequence[str], *words: Sequence[str]) -> Quality:
         """Return the quality of batches of telegrams between `head` and nodes; nodes may repeat."""
-        places = list(dict.fromkeys(nodes))
-        found = quality_of(*self.waveforms(places, *words, **_PADDED))
-        rows = [places.index(node) for node in nodes]
-        return Quality._make([*(values[rows] for values in found[:5]), tuple(nodes)])
+        distinct = list(dict.fromkeys(nodes))
+        quality = quality_of(*self.waveforms(distinct, *words, **_PADDED))
+        rows = [distinct.index(node) for node in nodes]
+        return Quality._make([*(values[rows] for values in quality[:5]), tuple(nodes)])
 
 
 def signals_of(segments: Sequence[Segment]) -> list[Quality]:

@@ -60,9 +60,9 @@ class Standby:
         recent = np.maximum.accumulate(record["cycle"]) >= max(cycle - 2, 0)
         rows = record[recent & (record["outcome"] == 0)]
         good = rows[rows["call"] == Call.DATA_EXCHANGE]
-        known = dict(zip(_labels(good), good["data"].tolist(), strict=True))
+        outputs = dict(zip(_labels(good), good["data"].tolist(), strict=True))
         return {
-            label: bits for label, bits in known.items() if label in (self.master.projected or {})
+            label: bits for label, bits in outputs.items() if label in (self.master.projected or {})
         }
 
 
@@ -140,10 +140,10 @@ class Run:
     changes: list[InputChange]
 
     def __repr__(self) -> str:
-        found = self.summary
+        summary = self.summary
         return (
-            f"<Run: {found.cycles} cycles of {1e3 * found.cycle_time[1]:.2f} ms, "
-            f"{found.dropped} slaves dropped>"
+            f"<Run: {summary.cycles} cycles of {1e3 * summary.cycle_time[1]:.2f} ms, "
+            f"{summary.dropped} slaves dropped>"
         )
 
     @cached_property
@@ -263,12 +263,12 @@ class Run:
                 middle = begin + request / 2
                 ax.text(middle, -0.5, str(attempt), ha="center", va="bottom")
             fine, pause = one["outcome"] == "ok", one["master_pause_bit"]
-            if fine and pause != pause:
+            if fine and np.isnan(pause):
                 continue  # a call without a response
             # A missing response is drawn at its earliest possible start.
             colour = style.FIELD["information"] if fine else style.LIMIT["color"]
             look: dict[str, Any] = {"facecolor": colour, **edge}
-            if pause != pause:
+            if np.isnan(pause):
                 pause = 2.0
                 look |= {"alpha": 0.35, "linestyle": ":"}
             x, y = begin + (REQUEST_BITS + pause) * bit, row[one["slave"]] - 0.4
@@ -337,12 +337,12 @@ class Run:
         """
         leading = self.masters[0]
         worst = (1 + leading.repetitions) * leading.drop_after
-        found = self._exchanges[["slave", "failed"]]
+        tries = self._exchanges[["slave", "failed"]]
         # A series of failures ends before a success, before the next slave, or at the end.
-        run = (found != found.shift()).any(axis=1).cumsum()
-        runs = found[found["failed"]].groupby(run)["slave"].agg(["first", "size"])
+        run = (tries != tries.shift()).any(axis=1).cumsum()
+        runs = tries[tries["failed"]].groupby(run)["slave"].agg(["first", "size"])
         table = pd.crosstab(runs["first"], runs["size"].clip(upper=worst))
-        everybody = found["slave"].unique()
+        everybody = tries["slave"].unique()
         whole = table.reindex(index=everybody, columns=range(1, worst + 1), fill_value=0)
         return whole.rename_axis(index="slave", columns="class")
 
@@ -415,24 +415,30 @@ class Run:
             later = [
                 c.time for c in self.changes if c.slave == change.slave and c.time > change.time
             ]
-            own = good[good["slave"] == change.slave]
-            seen = own[own["sampled"].between(change.time, min(later, default=np.inf), "left")]
+            exchanges_of_slave = good[good["slave"] == change.slave]
+            seen = exchanges_of_slave[
+                exchanges_of_slave["sampled"].between(
+                    change.time, min(later, default=np.inf), "left"
+                )
+            ]
             answers.append(seen["known"].iloc[0] - change.time if len(seen) else np.nan)
         frame = pd.DataFrame(self.changes, columns=["time_s", "slave", "value"])
         return frame.assign(response_time_s=np.array(answers, dtype=float))
 
 
-def _values(own: pd.DataFrame, slave: Slave) -> pd.DataFrame:
+def _values(exchanges_of_slave: pd.DataFrame, slave: Slave) -> pd.DataFrame:
     """Return the times at which one channel's values were converted and reached the master."""
     try:
         needed = exchanges(slave.kind)
     except ArgumentError:  # its number of exchanges is not published
-        return own[:0]
-    ends = own["known"].to_numpy()[needed - 1 :: needed]
+        return exchanges_of_slave[:0]
+    ends = exchanges_of_slave["known"].to_numpy()[needed - 1 :: needed]
     taken, known = ends[: -1 : slave.channels], ends[1 :: slave.channels]
     round_of_all = slave.channels * slave.conversion
     sampled = np.floor(taken / round_of_all) * round_of_all if round_of_all else taken
-    return pd.DataFrame({"slave": own["slave"].iloc[0], "sampled": sampled, "known": known})
+    return pd.DataFrame(
+        {"slave": exchanges_of_slave["slave"].iloc[0], "sampled": sampled, "known": known}
+    )
 
 
 # The simulation --------------------------------------------------------------------------------
@@ -516,17 +522,26 @@ def simulate(
     end = inf if until is None else check_scalar("until", until, "s", 0, 1e9)
     transaction.check_line()
     if isinstance(system, Plan):
-        masters = [one for segment in system.only_line("simulation") for one in segment.masters]
-        master = next(iter(masters), None) if master is None else master
-        stations = Stations(_places_of(system), transaction)
+        system.only_line("simulation")
+        master = master or next(iter(system.masters), None)
+        # Each slave, its distance from the master [m] and the delay of its repeaters [s].
+        places = [
+            (slave, segment.lead + segment.distances.get(slave.node, 0.0), segment.delay)
+            for slave, segment in system.located
+        ]
+        stations = Stations(places, transaction)
     else:
         stations = Stations([(slave, 0.0, 0.0) for slave in system], transaction)
     leading = [RunningMaster(master or Master())]
     repetitions = [one.repetitions for one in (leading[0], standby and standby.master) if one]
     channel = Channel(
-        stations, transaction, 1 + max(repetitions), check_rng(rng),
-        cycles=most, until=end / transaction.bit_time,
-    )  # fmt: skip
+        stations,
+        transaction,
+        1 + max(repetitions),
+        check_rng(rng),
+        cycles=most,
+        until=end / transaction.bit_time,
+    )
 
     for fault in as_faults(faults, LineFault):
         fault.apply(channel, stations)
@@ -537,9 +552,8 @@ def simulate(
         for station in stations[slave]:
             channel.schedule(changes[-1].time, partial(station.fields.__setitem__, "inputs", value))
     for time, command in commands:
-        channel.schedule(
-            check_scalar("time", time, "s", 0, 1e9), partial(_submit, leading, command)
-        )
+        begin = check_scalar("time", time, "s", 0, 1e9)
+        channel.schedule(begin, partial(_submit, leading, command))
 
     if until is None:
         channel.schedule(_PATIENCE, partial(_check_progress, channel, 0))
@@ -557,15 +571,6 @@ def _check_progress(channel: Channel, begun: int) -> None:
         )
     again = partial(_check_progress, channel, channel.begun)
     channel.schedule(channel.seconds + _PATIENCE, again)
-
-
-def _places_of(plan: Plan) -> list[tuple[Slave, float, float]]:
-    """Return each slave with its distance from the master [m] and its total repeater delay [s]."""
-    plan.only_line("simulation")
-    return [
-        (slave, segment.lead + segment.distances.get(slave.node, 0.0), segment.delay)
-        for slave, segment in plan.located
-    ]
 
 
 def _submit(leading: list[RunningMaster], command: Command) -> None:

@@ -47,22 +47,22 @@ WRITE_TIME = 15e-3
 
 def slave_key(label: str, name: str = "slave") -> tuple[int, Half | None]:
     """Return a label's key (twice the address, plus 1 for a B slave) and half: A, B or None."""
-    found = _key_and_half(label) if isinstance(label, str) else None
-    if found is None:
+    parsed = _key_and_half(label) if isinstance(label, str) else None
+    if parsed is None:
         raise ArgumentError(
             f"{name} is {label!r}; it must be '0', or '1'..'31', followed by A or B for an A/B "
             "slave"
         )
-    return found
+    return parsed
 
 
 @cache
 def _key_and_half(label: str) -> tuple[int, Half | None] | None:
-    found = re.fullmatch(r"([0-9]{1,2})([AB]?)", label)
-    if not found or int(found[1]) > ADDRESSES or (found[1].strip("0") == "" and found[2]):
+    match = re.fullmatch(r"([0-9]{1,2})([AB]?)", label)
+    if not match or int(match[1]) > ADDRESSES or (match[1].strip("0") == "" and match[2]):
         return None
-    half: Half | None = "A" if found[2] == "A" else "B" if found[2] == "B" else None
-    return 2 * int(found[1]) + (half == "B"), half
+    half: Half | None = "A" if match[2] == "A" else "B" if match[2] == "B" else None
+    return 2 * int(match[1]) + (half == "B"), half
 
 
 def label_of(key: int, *, extended: bool) -> str:
@@ -105,21 +105,36 @@ class Slave:
         0, 10, "A", "Current from the line, including sensors", default=CURRENT, kw_only=True
     )
     id1: int | None = whole(
-        0, 15, help="Extended ID code 1 (up to 7 for an A/B slave; all bits set if omitted)",
-        default=None, optional=True, kw_only=True,
-    )  # fmt: skip
+        0,
+        15,
+        help="Extended ID code 1 (up to 7 for an A/B slave; all bits set if omitted)",
+        default=None,
+        optional=True,
+        kw_only=True,
+    )
     watchdog: float = number(
-        0, inf, "s", "Time without data or parameters after which the slave resets itself",
-        default=WATCHDOG, kw_only=True,
-    )  # fmt: skip
+        0,
+        inf,
+        "s",
+        "Time without data or parameters after which the slave resets itself",
+        default=WATCHDOG,
+        kw_only=True,
+    )
     channels: int = whole(
-        1, CHANNELS, help="Number of analogue values, if its profile transfers values",
-        default=1, kw_only=True,
-    )  # fmt: skip
+        1,
+        CHANNELS,
+        help="Number of analogue values, if its profile transfers values",
+        default=1,
+        kw_only=True,
+    )
     conversion: float = number(
-        0, 10, "s", "Time to convert an analogue value; manufacturers state 20 to 60 ms",
-        default=CONVERSION, kw_only=True,
-    )  # fmt: skip
+        0,
+        10,
+        "s",
+        "Time to convert an analogue value; manufacturers state 20 to 60 ms",
+        default=CONVERSION,
+        kw_only=True,
+    )
     load: Load = field(default=DEVICE, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -181,7 +196,7 @@ class Slave:
                 continue
             doing = f" / {ACTIONS[event]}" if event in ACTIONS else ""
             words[state, following].append(event.value + doing)
-        for (begin, end), said in words.items():
+        for (begin, end), events in words.items():
             # Arrows from RECEIVE and their labels are above the centre line; all others are below.
             up = 1 if begin is State.RECEIVE else -1
             side = 1 if middles[end] > middles[begin] else -1
@@ -190,7 +205,7 @@ class Slave:
             arrow |= {"shrinkA": 0, "shrinkB": 0}
             ax.annotate("", (x1, up * 0.22), (x0, up * 0.22), arrowprops=arrow)
             placed: dict[str, Any] = {"ha": "center", "va": "bottom" if up > 0 else "top"}
-            ax.text((x0 + x1) / 2, up * 0.3, "\n".join(said), **placed)
+            ax.text((x0 + x1) / 2, up * 0.3, "\n".join(events), **placed)
         return style.bare(ax, (-1.4, 13.4), (-0.9, 1.6))
 
     def __str__(self) -> str:
@@ -205,8 +220,12 @@ KINDS: tuple[Half | None, ...] = (None, "A", "B")
 
 #: Calls that can change which slave is at which address.
 MOVING = (
-    Call.ASSIGN_ADDRESS, Call.WRITE_ID1, Call.DELETE_ADDRESS, Call.RESET, Call.BROADCAST_RESET,
-)  # fmt: skip
+    Call.ASSIGN_ADDRESS,
+    Call.WRITE_ID1,
+    Call.DELETE_ADDRESS,
+    Call.RESET,
+    Call.BROADCAST_RESET,
+)
 
 
 @cache

@@ -88,41 +88,65 @@ class Call(IntEnum):
         return self._rule
 
     DATA_EXCHANGE = Rule(
-        "data exchange", "0aaaaa0dddd", extended="0aaaaa0Sddd", lowest_address=1, answer="inputs",
+        "data exchange",
+        "0aaaaa0dddd",
+        extended="0aaaaa0Sddd",
+        lowest_address=1,
+        answer="inputs",
         says="data exchange with slave {slave}: outputs {bits} ({data:X})",
-    )  # fmt: skip
+    )
     WRITE_PARAMETER = Rule(
-        "write parameter", "0aaaaa1dddd", extended="0aaaaa1Sddd", lowest_address=1, symbol="P",
-        says="write parameter {bits} ({data:X}) to slave {slave}", answer="parameter",
-    )  # fmt: skip
+        "write parameter",
+        "0aaaaa1dddd",
+        extended="0aaaaa1Sddd",
+        lowest_address=1,
+        symbol="P",
+        says="write parameter {bits} ({data:X}) to slave {slave}",
+        answer="parameter",
+    )
     ASSIGN_ADDRESS = Rule(
-        "assign address", "000000ddddd", symbol="A", answer=Answer.DONE,
+        "assign address",
+        "000000ddddd",
+        symbol="A",
+        answer=Answer.DONE,
         says="assign address {data} to the slave at address 0",
-    )  # fmt: skip
+    )
     WRITE_ID1 = Rule(
-        "write extended ID code 1", "1000000dddd", symbol="ID", answer=Answer.ERASED,
+        "write extended ID code 1",
+        "1000000dddd",
+        symbol="ID",
+        answer=Answer.ERASED,
         says="write extended ID code 1 {bits} ({data:X}) to the slave at address 0",
-    )  # fmt: skip
+    )
     DELETE_ADDRESS = Rule(
-        "delete address", "1aaaaa0s000", lowest_address=1, answer=Answer.ERASED,
+        "delete address",
+        "1aaaaa0s000",
+        lowest_address=1,
+        answer=Answer.ERASED,
         says="delete the address of slave {slave}",
-    )  # fmt: skip
+    )
     RESET = Rule("reset slave", "1aaaaa1S100", "reset slave {slave}", answer=Answer.DONE)
     READ_IO_CONFIGURATION = Rule(
-        "read I/O configuration", "1aaaaa1s000", answer="I/O configuration",
+        "read I/O configuration",
+        "1aaaaa1s000",
+        answer="I/O configuration",
         says="read the I/O configuration of slave {slave}",
-    )  # fmt: skip
+    )
     READ_ID = Rule(
         "read ID code", "1aaaaa1s001", "read the ID code of slave {slave}", answer="ID code"
     )
     READ_ID1 = Rule(
-        "read extended ID code 1", "1aaaaa1s010", answer="extended ID code 1",
+        "read extended ID code 1",
+        "1aaaaa1s010",
+        answer="extended ID code 1",
         says="read extended ID code 1 of slave {slave}",
-    )  # fmt: skip
+    )
     READ_ID2 = Rule(
-        "read extended ID code 2", "1aaaaa1s011", answer="extended ID code 2",
+        "read extended ID code 2",
+        "1aaaaa1s011",
+        answer="extended ID code 2",
         says="read extended ID code 2 of slave {slave}",
-    )  # fmt: skip
+    )
     READ_STATUS = Rule(
         "read status", "1aaaaa1S110", "read the status of slave {slave}", answer="status"
     )
@@ -142,13 +166,20 @@ REQUEST_BITS, RESPONSE_BITS = 14, 7
 #: Parts of a telegram by its number of bits: label, number of bits, key of `style.FIELD`.
 _PARTS = {
     REQUEST_BITS: (
-        ("ST", 1, "frame"), ("CB", 1, "control"), ("address A4..A0", 5, "address"),
-        ("information I4..I0", 5, "information"), ("PB", 1, "parity"), ("EB", 1, "frame"),
+        ("ST", 1, "frame"),
+        ("CB", 1, "control"),
+        ("address A4..A0", 5, "address"),
+        ("information I4..I0", 5, "information"),
+        ("PB", 1, "parity"),
+        ("EB", 1, "frame"),
     ),
     RESPONSE_BITS: (
-        ("ST", 1, "frame"), ("I3..I0", 4, "information"), ("PB", 1, "parity"), ("EB", 1, "frame"),
+        ("ST", 1, "frame"),
+        ("I3..I0", 4, "information"),
+        ("PB", 1, "parity"),
+        ("EB", 1, "frame"),
     ),
-}  # fmt: skip
+}
 
 
 def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> Axes:
@@ -156,11 +187,11 @@ def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> A
     if len(bits) not in _PARTS:
         raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
     ax = style.axes(ax, figsize=(7.5, 2.2))
-    place = start
+    edge = start
     for label, length, colour in _PARTS[len(bits)]:
-        style.box(ax, place, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
-        ax.text(place + length / 2, -0.22, label, ha="center", va="top")
-        place += length
+        style.box(ax, edge, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
+        ax.text(edge + length / 2, -0.22, label, ha="center", va="top")
+        edge += length
     for index, bit in enumerate(bits):
         ax.text(start + index + 0.5, 0.5, bit, ha="center", va="center", family="monospace")
     edges = [start + index for index in range(len(bits) + 1)]
@@ -389,8 +420,8 @@ class Request:
         """Read the 14 bits of a request."""
         information = information_of(bits, REQUEST_BITS, "request")
         check_kind("extended", extended, bool)
-        if found := all_requests(extended).get(bits):
-            return found
+        if request := all_requests(extended).get(bits):
+            return request
         raise UnknownCallError(
             f"request {bits}: no call has control bit {information[0]}, address "
             f"{int(information[1:6], 2)} and information {information[6:]}"
@@ -402,15 +433,15 @@ class Request:
         return cls(Call.DATA_EXCHANGE, address, data, half)
 
     @classmethod
-    def table(cls, *, extended: bool = True) -> pd.DataFrame:
-        """Return all requests bit by bit, to A/B slaves or to standard ones: kim2023's Table 5.
+    def table(cls) -> pd.DataFrame:
+        """Return all requests to A/B slaves bit by bit: kim2023's Table 5.
 
         A cell is 0 or 1 if the bit is fixed, otherwise the name of its content: ``S`` is the
         select bit, ``~S`` its inverse.
         """
         rows = {}
         for call in Call:
-            layout = call.rule.layout(extended)
+            layout = call.rule.layout(extended=True)
             left = layout.count("d")
             cells = []
             for letter, place in zip(layout, _PLACES, strict=True):
@@ -444,7 +475,7 @@ def all_requests(extended: bool) -> dict[str, Request]:
 
     Without extended addressing, select bit 0 means a standard slave, not an A slave.
     """
-    found: dict[str, Request] = {}
+    requests: dict[str, Request] = {}
     for call in Call:
         layout = call.rule.layout(extended)
         addresses = range(call.rule.lowest_address, 32) if "a" in layout else [int(layout[1:6], 2)]
@@ -455,8 +486,8 @@ def all_requests(extended: bool) -> dict[str, Request]:
         for half, address in product(halves, addresses):
             for data in range(lowest, 2 ** layout.count("d")):
                 request = Request(call, address, data, half)
-                found[request.bits] = request
-    return found
+                requests[request.bits] = request
+    return requests
 
 
 def _fields(*inner: tuple[str, str, int, str, str, str]) -> pd.DataFrame:

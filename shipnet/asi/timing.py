@@ -66,13 +66,21 @@ class Transaction:
     slave_pause: float = number(0, 1e9, "bit times", "Pause after the response", default=2.0)
     bit_time: float = number(1e-12, 1e3, "s", "Length of a bit", default=BIT_TIME)
     unsynchronised: float = number(
-        0, 10, "bit times", "Additional delay of a slave that is not synchronised",
-        default=2.0, kw_only=True,
-    )  # fmt: skip
+        0,
+        10,
+        "bit times",
+        "Additional delay of a slave that is not synchronised",
+        default=2.0,
+        kw_only=True,
+    )
     timeout: float = number(
-        2, 24, "bit times", "How long the master waits for the start of a response",
-        default=10.0, kw_only=True,
-    )  # fmt: skip
+        2,
+        24,
+        "bit times",
+        "How long the master waits for the start of a response",
+        default=10.0,
+        kw_only=True,
+    )
 
     @property
     def bits(self) -> float:
@@ -126,9 +134,11 @@ class Transaction:
         pause = {"facecolor": style.FIELD["pause"], "edgecolor": "0.3", "linestyle": ":"}
         start = 0.0
         for name, length, telegram in [
-            ("request", REQUEST_BITS, request), ("master pause", self.master_pause, None),
-            ("response", RESPONSE_BITS, response), ("slave pause", self.slave_pause, None),
-        ]:  # fmt: skip
+            ("request", REQUEST_BITS, request),
+            ("master pause", self.master_pause, None),
+            ("response", RESPONSE_BITS, response),
+            ("slave pause", self.slave_pause, None),
+        ]:
             if telegram is None:
                 style.box(ax, start, 0, length, 1, **pause)
             else:
@@ -212,9 +222,13 @@ class Cycle:
 
     slaves: int = whole(0, 2 * ADDRESSES, help="Number of slaves n", default=ADDRESSES)
     pairs: int | None = whole(
-        0, ADDRESSES, help="Number of addresses that two slaves share; by default the minimum",
-        default=None, optional=True, kw_only=True,
-    )  # fmt: skip
+        0,
+        ADDRESSES,
+        help="Number of addresses that two slaves share; by default the minimum",
+        default=None,
+        optional=True,
+        kw_only=True,
+    )
     transaction: Transaction = part(
         Transaction, "One exchange", default=Transaction(), kw_only=True
     )
@@ -258,7 +272,9 @@ class Cycle:
         one = self.transaction
         each = one.longest if disturbed else one.duration
         # The search for a new slave; nobody answers it unless a dropped slave returns.
-        search = max(one.unanswered * one.bit_time - each, 0.0) + 2 * disturbed * self._farthest
+        search = max(one.unanswered * one.bit_time - each, 0.0)
+        if disturbed:
+            search += 2 * self._farthest
         cycle = (self.addresses + 1 + self.inclusion) * each + self.inclusion * search
         # Two slaves that share an address take turns, so that an odd cycle may poll the slower one.
         mean = sum(sum(group) / len(group) for group in self.delays)
@@ -340,15 +356,15 @@ class Cycle:
                 return wait / channels, wait + channels * each
             if direction == "out":
                 return REQUEST_BITS * one.bit_time + delay, wait
-            pause = one.master_pause + disturbed * one.unsynchronised
+            pause = one.master_pause + (one.unsynchronised if disturbed else 0.0)
             return (pause + RESPONSE_BITS) * one.bit_time + 2 * delay, wait
 
-        known, wait = bounds(disturbed=False)
-        worst = known + wait
+        age, wait = bounds(disturbed=False)
+        worst = age + wait
         if repetitions is not None:
             count = check_whole("repetitions", repetitions, 0, 10_000)
             worst = sum(bounds(disturbed=True)) + count * (one.longest + 2 * self._farthest)
-        return ResponseTime(known, known + wait / 2, worst)
+        return ResponseTime(age, age + wait / 2, worst)
 
 
 def cycle_time(slaves: int = ADDRESSES, **options: Any) -> float:
@@ -398,20 +414,20 @@ def polling_cycle(
 @cache
 def _analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
     """Return the number of exchanges by profile, direction and value size [bit]; 0 if unknown."""
-    found: dict[tuple[str, str], dict[int, int]] = {}
+    profiles: dict[tuple[str, str], dict[int, int]] = {}
     for row in datasets.read("asi_analogue_profiles.csv").to_dict("records"):
-        sizes = found.setdefault((row["profile"], row["direction"]), {})
+        sizes = profiles.setdefault((row["profile"], row["direction"]), {})
         sizes[int(row["value_bit"])] = int(row["cycles"] or 0)
-    return found
+    return profiles
 
 
 @lru_cache(maxsize=256)
 def _sizes(profile: Profile | str, direction: str) -> dict[int, int]:
     """Return the number of exchanges by value size [bit]; S-7.3.C also has the sizes of S-7.3."""
     profile = Profile.parse(profile)
-    general, own = f"S-{profile.io:X}.{profile.id:X}", str(profile)
-    known = _analogue_profiles()
-    return known.get((general, direction), {}) | known.get((own, direction), {})
+    general, whole = f"S-{profile.io:X}.{profile.id:X}", str(profile)
+    profiles = _analogue_profiles()
+    return profiles.get((general, direction), {}) | profiles.get((whole, direction), {})
 
 
 @lru_cache(maxsize=256)

@@ -65,9 +65,15 @@ def line(
     slave voltage: 24.47 V at slave 31B at 100 m, at least 26.5 V (38 violated)
     """
     plan = star(
-        length, (), along=slaves, pairs=pairs, master=master, supply=supply, cable=cable,
+        length,
+        (),
+        along=slaves,
+        pairs=pairs,
+        master=master,
+        supply=supply,
+        cable=cable,
         current=current,
-    )  # fmt: skip
+    )
     if terminator is None:
         return plan
     return plan_of([*plan, Terminator(_node(length), terminator, inductance=1e3)])
@@ -118,8 +124,8 @@ def star(
     for what, place in named:
         if not 0 <= place <= trunk:
             raise ArgumentError(f"the {what} is at {place} m; it must be 0..{trunk:g} m")
-    places = sorted({0.0, float(trunk), *(float(place) for _, place in named)})
-    cables = [CableRun(_node(a), _node(b), b - a, cable) for a, b in pairwise(places)]
+    positions = sorted({0.0, float(trunk), *(float(place) for _, place in named)})
+    cables = [CableRun(_node(a), _node(b), b - a, cable) for a, b in pairwise(positions)]
     ends = {f"leg {number}": leg for number, leg in enumerate(legs, 1)}
     cables += [CableRun(_node(trunk), end, leg, cable) for end, leg in ends.items()]
     nodes = [*map(_node, along), *ends]
@@ -134,7 +140,6 @@ def ring(
     slaves: int | Sequence[float],
     *,
     pairs: int | None = None,
-    supply: float = 0.0,
     cable: str | Cable = "as-i 1.5",
     current: float = CURRENT,
 ) -> Plan:
@@ -146,7 +151,7 @@ def ring(
         Length of the cable around the ring [m].
     slaves : int or sequence of float
         Number of slaves, evenly spaced, or the position of each, 0 to less than `length` [m].
-    pairs, supply, cable, current
+    pairs, cable, current
         As for `line`.
 
     Returns
@@ -162,12 +167,12 @@ def ring(
     """
     if isinstance(slaves, int | float | np.number):
         slaves = evenly_spaced(length, slaves + 1)[:-1]
-    last = max((*slaves, supply), default=0.0)
+    last = max(slaves, default=0.0)
     if not 0 < last < length:
         raise ArgumentError(
             f"the last position on the ring is {last} m; it must be between 0 and {length} m"
         )
-    there = line(last, slaves, pairs=pairs, supply=supply, cable=cable, current=current)
+    there = line(last, slaves, pairs=pairs, cable=cable, current=current)
     # Two nodes have at most one cable between them, so a second one needs a node halfway.
     halfway = [] if len(there.cables) > 1 else [last + (length - last) / 2]
     back = pairwise([last, *halfway, length])

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shipnet import asi
+from shipnet import asi, compiled
 from shipnet.__main__ import main
 from shipnet.asi import CableRun, Master, Plan, Request, Slave, Supply, decode, emc
 from shipnet.asi.causes import measured
@@ -17,16 +17,28 @@ from shipnet.line import Load
 from tests.support import several
 
 CABLE, SECOND, INDUCTANCE, INTERFERENCE, DUPLICATE, WEAK, SILENT, REVERSED, POWER = CAUSES = (
-    "cable too long or a stub", "second supply", "supply inductance missing or wrong",
-    "interference", "duplicate address", "weak slave", "silent slave", "reversed probe",
+    "cable too long or a stub",
+    "second supply",
+    "supply inductance missing or wrong",
+    "interference",
+    "duplicate address",
+    "weak slave",
+    "silent slave",
+    "reversed probe",
     "power fail",
-)  # fmt: skip
+)
 NONE = "none"
 
 #: The rules were derived from the trees of seeds 0 to 59, with noise of 0.02 to 0.2 V. No cause may
 #: be wrong on five trees, and one on the twelve of the weekly run; five detect nearly as much.
 SEEDS = range(2000, 2000 + several(5, 12))
 NOISE = 0.02, 0.1, 0.2
+
+
+@pytest.fixture(autouse=True)
+def _machine_code(monkeypatch):
+    """Compile the receivers of the many records, each of which is too short to be worth it."""
+    monkeypatch.setattr(compiled, "MANY", 0)
 
 
 def tree(rng, metres, *, supplies=1, load=None, duplicate=False, stub=0.0):
@@ -74,9 +86,9 @@ def long_tree(rng):
 def bad_load(rng):
     """Return the load of a supply whose decoupling is wrong."""
     low, high = rng.uniform(10e-6, 45e-6), rng.uniform(250e-6, 1e-3)
-    return (
-        Load(r=78.0), Load(l=100e-6), Load(r=78.0, l=low), Load(r=78.0, l=high), Load(r=0.2),
-    )[rng.integers(5)]  # fmt: skip
+    return (Load(r=78.0), Load(l=100e-6), Load(r=78.0, l=low), Load(r=78.0, l=high), Load(r=0.2))[
+        rng.integers(5)
+    ]
 
 
 def interference(rng):
@@ -130,9 +142,11 @@ def two_faults(one, other, seed):
     """
     rng = np.random.default_rng(seed)
     both = {one, other}
-    options = dict(zip(("disturbance", "amplitude"), interference(rng), strict=True))
-    options = options if INTERFERENCE in both else {}
+    options = {}
     while True:
+        # Where interference is too strong for its slaves, draw another plan and another strength.
+        if INTERFERENCE in both:
+            options = dict(zip(("disturbance", "amplitude"), interference(rng), strict=True))
         if CABLE in both:
             plan = long_tree(rng)
         elif SECOND in both:
@@ -375,10 +389,11 @@ def test_a_record_begins_with_the_request_that_the_plan_computes():
     request = Request.data_exchange(1, 0xF)
     wave = plan.record(1e-3, rng=1, node="60 m")
     begin = round(50e-6 / 250e-9) - round(6.5e-6 / 250e-9)
-    true = plan.waveform(decode(wave).transactions["request"][0], "60 m")
+    asked = decode(wave).transactions["request"][0]
+    true = plan.waveform(asked, "60 m", before=6.5e-6)
     heard = wave.u[begin : begin + true.u.size] - plan.voltages["60 m"]
     np.testing.assert_allclose(heard, true.u, atol=1e-3)
-    assert request.bits[:7] == decode(wave).transactions["request"][0][:7]
+    assert request.bits[:7] == asked[:7]
 
 
 def test_a_printed_capture_ends_with_its_causes():
@@ -563,24 +578,3 @@ def test_a_supply_that_fails_is_counted_if_the_record_is_dc_coupled():
     assert blind.loc[["power fail", "earth fault"], "light"].tolist() == ["", ""]
     low = decode(replace(wave, u=wave.u - 5)).check().violated()
     assert low["rule"].tolist() == ["supply voltage"]
-
-
-@pytest.mark.parametrize(
-    "u",
-    [
-        np.zeros(1),
-        np.zeros(50_000),
-        np.full(50_000, 30.0),
-        np.full(5000, np.nan),
-        np.random.default_rng(1).normal(size=20_000),
-        np.sign(np.sin(np.arange(20_000) / 30)),
-        np.where(np.arange(20_000) % 5000 < 9, np.nan, 30 + np.sin(np.arange(20_000) / 4)),
-        np.full(50_000, 30, np.int16),
-    ],
-    ids="one zeros dc nan noise square gaps int".split(),
-)
-def test_what_is_not_as_i_is_judged_without_an_exception(u):
-    capture = decode(u, 2.5e-7)
-    assert set(capture.causes().columns) == {"slave", "share", "evidence"}
-    assert len(capture.counters()) == 8
-    assert not capture.check().ok

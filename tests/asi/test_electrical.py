@@ -93,10 +93,10 @@ def test_the_signal_is_that_of_a_segment_built_by_hand():
         [Master(node="m")],
         [Supply("hub")],
         [Slave("1", node="s1"), Slave("2", node="s2")],
-        terminators=[Terminator("s2", 120.0)],
+        terminators=[Terminator("s2", 120.0, 240e-6)],
     )
     runs = [CableRun("m", "hub", 40), CableRun("hub", "s1", 10), CableRun("hub", "s2", 30)]
-    end = DEVICE + Load(r=120.0)
+    end = DEVICE + Load(r=120.0, l=240e-6)
     network = Network(runs, {"hub": POWER_SUPPLY, "m": DEVICE, "s1": DEVICE, "s2": end})
     ours = plan.network
     s = 2j * np.pi * np.array([20e3, 167e3, 400e3])
@@ -152,9 +152,12 @@ def test_a_signal_that_is_lost_counts_as_bad():
     assert (quality.received < 1).all()
     assert (quality.evenness < 0.65).all()
     silence = Plan(
-        [CableRun("a", "b", 100)], [Master(node="a")], [Supply("a")], [Slave("1", node="b")],
+        [CableRun("a", "b", 100)],
+        [Master(node="a")],
+        [Supply("a")],
+        [Slave("1", node="b")],
         terminators=[Terminator("b", 1.0)],
-    )  # fmt: skip
+    )
     dead = signals_of([silence.segments[0]])[0]
     assert (dead.received[0], dead.evenness[0], dead.ringing[0]) == (0, 0, 1)
 
@@ -182,12 +185,17 @@ def test_segments_without_listeners_or_without_a_head():
 
 def test_a_repeater_in_the_middle_of_a_ring():
     plan = Plan(
-        [CableRun("a", "b", 20), CableRun("b", "c", 20), CableRun("c", "a", 20),
-         CableRun("d", "e", 10)],
-        [Master(node="a")], [Supply("a"), Supply("d")],
+        [
+            CableRun("a", "b", 20),
+            CableRun("b", "c", 20),
+            CableRun("c", "a", 20),
+            CableRun("d", "e", 10),
+        ],
+        [Master(node="a")],
+        [Supply("a"), Supply("d")],
         [Slave("1", node="c"), Slave("2", node="e")],
         [Repeater("b", "d")],
-    )  # fmt: skip
+    )
     assert [segment.reach for segment in plan.segments] == [20, 30]
     assert (signals_of(plan.segments)[0].received == 1).all()
 

@@ -73,9 +73,11 @@ def close(rate, published):
 
 @pytest.mark.parametrize(
     ("matched", "minimum", "published"),
-    [(True, 0.9, {0.5: 1.9e-3, 0.6: 1.9e-2, 0.8: 0.18, 1.0: 0.49}),
-     (False, 1.2, {0.3: 3.8e-3, 0.4: 0.11, 0.5: 0.50, 0.6: 0.86, 0.8: 0.997})],
-)  # fmt: skip
+    [
+        (True, 0.9, {0.5: 1.9e-3, 0.6: 1.9e-2, 0.8: 0.18, 1.0: 0.49}),
+        (False, 1.2, {0.3: 3.8e-3, 0.4: 0.11, 0.5: 0.50, 0.6: 0.86, 0.8: 0.997}),
+    ],
+)
 def test_noise_destroys_the_published_fraction_of_telegrams(matched, minimum, published):
     table = rates_of(
         NEAR, Noise(), list(published), 12_000, rng(), matched=matched, minimum=minimum
@@ -162,9 +164,16 @@ def test_small_rates_do_not_drown_in_rounding():
 def test_a_table_counts_every_telegram_and_every_check():
     table = rates_of(NEAR, Noise(), [0, 0.5, 3], 3000, rng(), matched=False)
     assert list(table.columns[:9]) == [
-        "amplitude_V", "silence_s", "telegrams", "failed", "undetected", "rate", "rate_low",
-        "rate_high", "undetected_high",
-    ]  # fmt: skip
+        "amplitude_V",
+        "silence_s",
+        "telegrams",
+        "failed",
+        "undetected",
+        "rate",
+        "rate_low",
+        "rate_high",
+        "undetected_high",
+    ]
     assert list(table.columns[9:]) == [*CLASSES, "silence"]
     assert (table["telegrams"] == 3000).all()
     assert (table["rate"] == table["failed"] / 3000).all()
@@ -181,13 +190,6 @@ def test_a_table_counts_every_telegram_and_every_check():
     assert table["rate_high"][1] == pytest.approx(high, rel=0.05)
     assert (table["rate_low"] <= table["rate"]).all()
     assert (table["rate"] <= table["rate_high"]).all()
-
-
-def test_the_interval_contains_the_rate_as_often_as_it_says():
-    # 0.6 V through the filter loses about 1.4 %; at least 95 % of 200 tables of 400 contain it.
-    truth = rates_of(NEAR, Noise(), 0.6, 40_000, rng(), minimum=0.9)["rate"][0]
-    small = rates_of(NEAR, Noise(), [0.6] * 60, 400, rng(), minimum=0.9)
-    assert np.mean((small["rate_low"] <= truth) & (truth <= small["rate_high"])) >= 0.9
 
 
 def test_silence_is_counted_separately():

@@ -11,7 +11,7 @@ from shipnet.asi.emc.disturbances import Noise
 from shipnet.asi.emc.error_rates import count_errors, error_rate
 from shipnet.asi.emc.rare_errors import rare_error_rates
 from shipnet.asi.receiver import RECEIVERS, Receiver
-from shipnet.errors import ArgumentError, InputError
+from shipnet.errors import ArgumentError
 from tests.support import tolerance
 
 # A short silence before the telegrams keeps the tests fast.
@@ -107,35 +107,19 @@ def test_each_design_point_satisfies_its_inequalities_and_none_nearer_does():
     assert rare_errors._design_point(opposite) is None
 
 
-def test_each_wave_has_a_row_and_an_interrupted_job_resumes(tmp_path):
+def test_each_wave_has_a_row():
     waves = {
         "line": asi.line(100, slaves=(5,)).waveform(),
         "star": asi.star(60, [10, 20]).waveform(node="leg 2"),
     }
     whole = rare_error_rates(waves, DENSITY([0.4, 0.3]), 6000, receiver=PROOF)
     assert whole[["wave", "telegrams"]].to_numpy().tolist() == [
-        ["line", 6000], ["line", 6000], ["star", 6000], ["star", 6000],
-    ]  # fmt: skip
+        ["line", 6000],
+        ["line", 6000],
+        ["star", 6000],
+        ["star", 6000],
+    ]
     assert whole["noise_density"].tolist() == [*DENSITY([0.4, 0.3])] * 2
-
-    class Stop(Exception):
-        pass
-
-    def stop(done, total):
-        assert total == 8
-        if done == 3:
-            raise Stop
-
-    options = {"receiver": PROOF, "folder": tmp_path}
-    with pytest.raises(Stop):
-        rare_error_rates(waves, DENSITY([0.4, 0.3]), 6000, progress=stop, **options)
-    seen = []
-    again = rare_error_rates(
-        waves, DENSITY([0.4, 0.3]), 6000, progress=lambda done, _: seen.append(done), **options
-    )
-    assert seen == [3, 4, 5, 6, 7, 8] and again.equals(whole)
-    with pytest.raises(InputError, match="another seed"):
-        rare_error_rates(waves, DENSITY([0.4, 0.3]), 6000, seed=1, **options)
 
 
 def test_where_nothing_is_lost_the_rate_has_a_bound_and_is_not_sound():

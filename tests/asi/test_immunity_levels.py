@@ -1,10 +1,8 @@
-import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
-from shipnet import datasets, style
-from shipnet.asi.emc.disturbances import PULSE_RATE, gaps, levels, plot_levels
+from shipnet import datasets
+from shipnet.asi.emc.disturbances import PULSE_RATE, gaps, levels
 
 TABLE = levels()
 PRINTED = datasets.read("kim2023_table2_emc.csv")
@@ -53,8 +51,11 @@ def test_the_gaps_follow_from_the_numbers():
         ("radio-frequency field", "highest frequency"),
     ]
     assert gaps.value_counts().to_dict() == {
-        "covers": 15, "not asked": 4, "test missing": 3, "below": 2,
-    }  # fmt: skip
+        "covers": 15,
+        "not asked": 4,
+        "test missing": 3,
+        "below": 2,
+    }
     assert gaps["surge, line to earth", "peak voltage"] == "test missing"
     assert gaps["pulsed field", "field strength"] == "not asked"
     assert row("electrostatic discharge, contact", "voltage")["ratio"] == pytest.approx(2 / 3)
@@ -88,45 +89,3 @@ def test_criteria_and_standards_are_those_of_immunity():
     assert set(TABLE["criterion"]) - {""} <= {"A", "B", "C"}
     standards = {f"IEC 61000-4-{part}" for part in (2, 3, 4, 5, 6, 16)} | {"ENV 50204"}
     assert set(TABLE["standard"]) <= standards
-
-
-@pytest.fixture
-def ax():
-    with mpl.rc_context():
-        yield Figure(figsize=(6.4, 4)).subplots()
-
-
-def names(ax):
-    return [label.get_text() for label in ax.get_yticklabels()]
-
-
-def test_every_test_required_on_ships_has_its_row(ax):
-    assert plot_levels(ax) is ax
-    asked = TABLE.loc[TABLE["gap"] != "not asked", "test"].unique()
-    shown = {name.removesuffix(", highest frequency") for name in names(ax)}
-    assert shown == set(asked) - {"burst"}
-    assert len(names(ax)) == len(set(names(ax))) == 12
-    assert ax.get_xlabel() == "AS-i level over marine level [1]"
-    assert ax.get_xscale() == "log"
-
-
-def test_dots_are_at_the_ratio_and_mark_gaps_and_doubts(ax):
-    plot_levels(ax)
-    dots = {line.get_ydata()[0]: line for line in ax.lines if line.get_marker() in ("o", "x")}
-    texts = [text.get_text() for text in ax.texts]
-    seen = {name: (dots[y], texts[y]) for y, name in enumerate(names(ax))}
-    contact, text = seen["electrostatic discharge, contact"]
-    assert contact.get_xdata()[0] == pytest.approx(4 / 6)
-    assert contact.get_color() == contact.get_markerfacecolor() == style.LIMIT["color"]
-    assert text == "4 kV, ship 6 kV"
-    signal, text = seen["burst, signal lines"]
-    assert signal.get_xdata()[0] == 2
-    assert signal.get_color() == "C0"
-    assert signal.get_markerfacecolor() == "white"
-    assert text == "2 kV, ship 1 kV (not confirmed)"
-    surge, text = seen["surge, line to line"]
-    assert surge.get_marker() == "x"
-    assert surge.get_color() == style.LIMIT["color"]
-    assert surge.get_xdata()[0] < 0.5
-    assert text == "no test, ship 0.5 kV"
-    assert "required on ships" in texts

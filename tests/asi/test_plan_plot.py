@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from shipnet import datasets
 from shipnet.asi.plan import read_plan
-from shipnet.asi.topologies import line, ring, star
+from shipnet.asi.topologies import line
 from shipnet.style import LIMIT
 
 
@@ -38,15 +38,6 @@ def test_slaves_are_drawn_at_their_distance_in_the_colour_of_their_verdict(ax):
     assert not ax.texts
 
 
-def test_both_verdicts_are_in_the_legend_and_differ_by_their_mark_too(ax):
-    plan = line(50, [20])
-    assert not len(plan.check().violated())
-    plan.check().plot(ax=ax)
-    marks = [drawn.get_marker() for drawn in ax.lines if drawn.get_label().startswith("slave,")]
-    assert legend(ax)[-2:] == ["slave, passed", "slave, failed"]
-    assert len(set(marks)) == 2
-
-
 def test_a_segment_that_violates_a_rule_is_red(ax):
     plan = line(60, [20]).with_repeater("60 m", line(110, [110]))
     plan.check().plot(ax=ax)
@@ -55,18 +46,6 @@ def test_a_segment_that_violates_a_rule_is_red(ax):
     assert [max(one.get_xdata()) for one in red] == [170]
     assert points(ax, "repeater")[0][0] == 60
     assert [text.get_text() for text in ax.texts] == ["1", "2"]
-
-
-def test_without_a_table_nothing_is_judged(ax):
-    star(0, [5] * 13).plot(ax=ax)
-    assert legend(ax) == ["supply", "master", "slave"]
-    assert {x for x, _ in points(ax, "slave")} == {5}
-    assert len({y for _, y in points(ax, "slave")}) == 13
-
-
-def test_a_ring_is_closed_by_a_dashed_line(ax):
-    ring(100, [25, 50]).plot(ax=ax)
-    assert [drawn.get_linestyle() for drawn in ax.lines].count("--") == 1
 
 
 def test_slaves_at_one_node_are_named_together(ax):

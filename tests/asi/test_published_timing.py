@@ -38,10 +38,16 @@ def test_transactions_of_published_length(pauses, microseconds):
 
 @pytest.mark.parametrize(
     "pauses",
-    [{"master_pause": 1.9}, {"master_pause": 10.1}, {"master_pause": float("nan")},
-     {"slave_pause": -1}, {"slave_pause": float("inf")},
-     {"bit_time": 0}, {"bit_time": float("nan")}],
-)  # fmt: skip
+    [
+        {"master_pause": 1.9},
+        {"master_pause": 10.1},
+        {"master_pause": float("nan")},
+        {"slave_pause": -1},
+        {"slave_pause": float("inf")},
+        {"bit_time": 0},
+        {"bit_time": float("nan")},
+    ],
+)
 def test_impossible_pauses(pauses):
     with pytest.raises(ArgumentError, match=next(iter(pauses))):
         Transaction(**pauses)

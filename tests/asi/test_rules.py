@@ -191,8 +191,9 @@ def test_lines_do_not_share_addresses_with_each_other():
     )
     assert failed(both) == []
     assert of(both, "masters")["object"].tolist() == [
-        "line of master at a 0 m", "line of master at b 0 m"
-    ]  # fmt: skip
+        "line of master at a 0 m",
+        "line of master at b 0 m",
+    ]
 
 
 def test_a_63rd_slave_is_one_too_many():
@@ -222,8 +223,9 @@ def test_supplies():
     plan = line(30, [30], current=2.0)
     assert failed(changed(plan, supplies=[Supply("0 m", 30, 2.0)])) == ["supply_rating"]
     assert failed(changed(plan, supplies=[Supply("0 m", 24, 8.0)])) == [
-        "slave_voltage", "supply_voltage"
-    ]  # fmt: skip
+        "slave_voltage",
+        "supply_voltage",
+    ]
     strong = line(10, [10, 10], current=4.1)
     assert failed(changed(strong, supplies=[Supply("0 m", 30, 20.0)])) == ["supply_current"]
 

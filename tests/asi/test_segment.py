@@ -239,8 +239,12 @@ def test_voltages_at_the_default_cut_off_agree_with_ngspice(case):
     loads = {f"n{place}": DEVICE for place in places}
     loads[f"n{supply}"] = POWER_SUPPLY if supply else POWER_SUPPLY + DEVICE
     u = telegram_voltages(
-        Network(runs, loads), str(REFERENCE[f"{case}/sender"]),
-        REFERENCE[f"{case}/probes"].tolist(), bits, before=5e-6, after=120e-6,
-    )[0][:, 0]  # fmt: skip
+        Network(runs, loads),
+        str(REFERENCE[f"{case}/sender"]),
+        REFERENCE[f"{case}/probes"].tolist(),
+        bits,
+        before=5e-6,
+        after=120e-6,
+    )[0][:, 0]
     error = np.abs(u[:, : expected.shape[1]] - expected[:, : u.shape[1]])
     assert error.max() <= tolerance("asi.ngspice") * np.abs(expected).max()

@@ -38,8 +38,12 @@ def say(slave, request, time=0.0):
 
 def test_the_table_has_an_arrow_for_every_event_that_a_receiver_reports():
     assert {event for state, event in TRANSITIONS if state is State.RECEIVE} == {
-        Event.ERROR, Event.FOREIGN, Event.UNKNOWN, Event.OWN, Event.SILENT,
-    }  # fmt: skip
+        Event.ERROR,
+        Event.FOREIGN,
+        Event.UNKNOWN,
+        Event.OWN,
+        Event.SILENT,
+    }
     answers = {key for key in TRANSITIONS if ACTIONS.get(key[1]) == "answer"}
     assert answers == {(State.RECEIVE, Event.OWN)}
 
@@ -269,9 +273,14 @@ def test_the_program_mode_is_locked(address):
 
 
 SELECTING = [
-    Call.DELETE_ADDRESS, Call.RESET, Call.READ_IO_CONFIGURATION, Call.READ_ID, Call.READ_ID1,
-    Call.READ_ID2, Call.READ_STATUS,
-]  # fmt: skip
+    Call.DELETE_ADDRESS,
+    Call.RESET,
+    Call.READ_IO_CONFIGURATION,
+    Call.READ_ID,
+    Call.READ_ID1,
+    Call.READ_ID2,
+    Call.READ_STATUS,
+]
 
 
 @pytest.mark.parametrize("call", SELECTING)

@@ -148,99 +148,40 @@ def test_no_text_crashes_the_decoders(text):
             assert str(error)
 
 
-ZERO = ": no call has control bit 0, address 0 and information 00000"
+BAD_REQUESTS = {
+    LengthError: ("", 13 * "0", 15 * "1"),
+    SymbolError: ("0010101011100x", "0010101011100X", "0010101011100\u0661"),
+    StartBitError: ("10101010111001",),
+    EndBitError: ("00101010111000",),
+    ParityError: ("00101010111011", "00111010111001"),
+    # Assign address 0; control bit without a call; reserved information 11111.
+    UnknownCallError: ("00000000000001", "01000010000111", "01101011111111"),
+}
+BAD_RESPONSES = {
+    LengthError: ("001100", "00110011"),
+    SymbolError: ("0O11001",),
+    StartBitError: ("1011001",),
+    EndBitError: ("0011000",),
+    ParityError: ("0011011",),
+}
+MESSAGES = {
+    LengthError: r"^a \w+ has \d+ bits, but '.*' has \d+$",
+    SymbolError: r"has '.' at bit \d+; bits are 0 or 1$",
+    StartBitError: "starts with 1; the start bit is 0$",
+    EndBitError: "ends with 0; the end bit is 1$",
+    ParityError: r"has \d ones before .*; with the parity bit \d their number must be even$",
+    UnknownCallError: r": no call has control bit \d, address \d+ and information \d{5}$",
+}
 
 
 @pytest.mark.parametrize(
-    ("parse", "bits", "kind", "message"),
-    [
-        (Request.parse, "", LengthError, "a request has 14 bits, but '' has 0"),
-        (Request.parse, 13 * "0", LengthError, "a request has 14 bits, but '0000000000000' has 13"),
-        (
-            Request.parse,
-            15 * "1",
-            LengthError,
-            "a request has 14 bits, but '111111111111111' has 15",
-        ),
-        *(
-            (
-                Request.parse,
-                f"0010101011100{other}",
-                SymbolError,
-                f"request '0010101011100{other}' has '{other}' at bit 13; bits are 0 or 1",
-            )
-            for other in "xX\u0661"
-        ),
-        (
-            Request.parse,
-            "10101010111001",
-            StartBitError,
-            "request 10101010111001 starts with 1; the start bit is 0",
-        ),
-        (
-            Request.parse,
-            "00101010111000",
-            EndBitError,
-            "request 00101010111000 ends with 0; the end bit is 1",
-        ),
-        (
-            Request.parse,
-            "00101010111011",
-            ParityError,
-            "request 00101010111011 has 7 ones before its end bit; with the parity bit 1 their "
-            "number must be even",
-        ),
-        (
-            Request.parse,
-            "00111010111001",
-            ParityError,
-            "request 00111010111001 has 7 ones before its end bit; with the parity bit 0 their "
-            "number must be even",
-        ),
-        # Address 0 cannot be assigned to address 0.
-        (Request.parse, "00000000000001", UnknownCallError, "request 00000000000001" + ZERO),
-        # The control bit is set and I4 = 0, but it is not delete address.
-        (
-            Request.parse,
-            "01000010000111",
-            UnknownCallError,
-            "request 01000010000111: no call has control bit 1, address 1 and information 00001",
-        ),
-        # Information 111 is reserved.
-        (
-            Request.parse,
-            "01101011111111",
-            UnknownCallError,
-            "request 01101011111111: no call has control bit 1, address 21 and information 11111",
-        ),
-        (Response.parse, "001100", LengthError, "a response has 7 bits, but '001100' has 6"),
-        (Response.parse, "00110011", LengthError, "a response has 7 bits, but '00110011' has 8"),
-        (
-            Response.parse,
-            "0O11001",
-            SymbolError,
-            "response '0O11001' has 'O' at bit 1; bits are 0 or 1",
-        ),
-        (
-            Response.parse,
-            "1011001",
-            StartBitError,
-            "response 1011001 starts with 1; the start bit is 0",
-        ),
-        (Response.parse, "0011000", EndBitError, "response 0011000 ends with 0; the end bit is 1"),
-        (
-            Response.parse,
-            "0011011",
-            ParityError,
-            "response 0011011 has 3 ones before its end bit; with the parity bit 1 their number "
-            "must be even",
-        ),
-    ],
+    ("parse", "bad"), [(Request.parse, BAD_REQUESTS), (Response.parse, BAD_RESPONSES)]
 )
-def test_bad_bits_are_named(parse, bits, kind, message):
-    with pytest.raises(kind) as caught:
-        parse(bits)
-    assert str(caught.value) == message
+def test_bad_bits_are_named(parse, bad):
+    for kind, words in bad.items():
+        for bits in words:
+            with pytest.raises(kind, match=MESSAGES[kind]):
+                parse(bits)
 
 
 @pytest.mark.parametrize("bits", [None, 12, b"00101010111001", ["0"] * 14])
@@ -254,64 +195,39 @@ def test_bits_of_another_type(bits):
     ("make", "message"),
     [
         (lambda: Request.data_exchange(32, 0), r"address is 32; .*1\.\.31"),
-        (lambda: Request.data_exchange(-1, 0), r"address is -1"),
-        (lambda: Request.data_exchange(0, 0), r"address is 0; .*1\.\.31: data exchange needs"),
-        (
-            lambda: Request(Call.WRITE_PARAMETER, 0, 0),
-            r"address is 0; .*31: .* needs an addressed slave$",
-        ),
-        (lambda: Request(Call.DELETE_ADDRESS, 0), r"address is 0; .*1\.\.31"),
+        (lambda: Request.data_exchange(-1, 0), "address is -1"),
+        (lambda: Request.data_exchange(0, 0), r"address is 0; .*: data exchange needs an address"),
+        (lambda: Request(Call.WRITE_PARAMETER, 0, 0), "address is 0"),
+        (lambda: Request(Call.DELETE_ADDRESS, 0), "address is 0"),
         (lambda: Request.data_exchange(1, 16), r"data is 16; .*0\.\.15"),
-        (
-            lambda: Request.data_exchange(1, 8, "B"),
-            r"data is 8; .*0\.\.7 in data exchange if half is B$",
-        ),
+        (lambda: Request.data_exchange(1, 8, "B"), r"data is 8; .*7 in .* if half is B$"),
         (lambda: Request.data_exchange(1, 1.5), r"data is 1\.5; .*whole number"),
-        (lambda: Request.data_exchange(True, 1), r"address is True; .*whole number"),
-        (lambda: Request.data_exchange("1", 1), r"address is '1'; .*whole number"),
-        (lambda: Request.data_exchange(1, 1, "C"), r"half is 'C'"),
+        (lambda: Request.data_exchange(True, 1), "address is True"),
+        (lambda: Request.data_exchange("1", 1), "address is '1'"),
+        (lambda: Request.data_exchange(1, 1, "C"), "half is 'C'"),
         (lambda: Request(Call.ASSIGN_ADDRESS, 0, 0), r"data is 0; .*1\.\.31"),
-        (lambda: Request(Call.ASSIGN_ADDRESS, 0, 32), r"data is 32; .*1\.\.31"),
-        (
-            lambda: Request(Call.WRITE_ID1, 0, 16),
-            r"data is 16; .*0\.\.15 in write extended",
-        ),
-        (lambda: Request(Call.RESET, 32), r"address is 32; .*0\.\.31$"),
-        (lambda: Request(Call.READ_ID, -1), r"address is -1; .*0\.\.31$"),
-        (
-            lambda: Request(Call.ASSIGN_ADDRESS, 0, 3, "B"),
-            r"half is 'B', but assign address has no",
-        ),
-        (
-            lambda: Request(Call.ASSIGN_ADDRESS, 4, 3),
-            r"address is 4; .*0\.\.0 for assign address",
-        ),
-        (
-            lambda: Request(Call.BROADCAST_RESET, 0),
-            r"address is 0; .*31\.\.31 for broadcast reset",
-        ),
-        (lambda: Request(Call.ASSIGN_ADDRESS, 0.5, 3), r"address is 0\.5; .*whole number"),
-        (lambda: Request(Call.ENTER_PROGRAM_MODE, False), r"address is False; .*whole number"),
-        (lambda: Request.data_exchange(1, 1).answer(False), r"data is False; .*whole number"),
-        (lambda: Request.data_exchange(1, 1).answer(""), r"data is ''; .*whole number"),
+        (lambda: Request(Call.ASSIGN_ADDRESS, 0, 32), "data is 32"),
+        (lambda: Request(Call.WRITE_ID1, 0, 16), "data is 16"),
+        (lambda: Request(Call.RESET, 32), "address is 32"),
+        (lambda: Request(Call.READ_ID, -1), "address is -1"),
+        (lambda: Request(Call.ASSIGN_ADDRESS, 0, 3, "B"), "assign address has no select bit"),
+        (lambda: Request(Call.ASSIGN_ADDRESS, 4, 3), r"address is 4; .*0\.\.0 for assign"),
+        (lambda: Request(Call.BROADCAST_RESET, 0), r"address is 0; .*31\.\.31"),
+        (lambda: Request(Call.ASSIGN_ADDRESS, 0.5, 3), r"address is 0\.5"),
+        (lambda: Request(Call.ENTER_PROGRAM_MODE, False), "address is False"),
+        (lambda: Request.data_exchange(1, 1).answer(False), "data is False"),
+        (lambda: Request.data_exchange(1, 1).answer(""), "data is ''"),
         (lambda: Request(Call.RESET, 3, 1), r"data is 1; .*0\.\.0 in reset slave"),
         (lambda: Response(16), r"data is 16; .*0\.\.15 in a response$"),
-        (lambda: Response(0, Call.BROADCAST_RESET), r"broadcast reset, which has no response"),
-        (
-            lambda: Request(Call.BROADCAST_RESET, 31).answer(),
-            r"broadcast reset, which has no response",
-        ),
-        (lambda: Request.data_exchange(1, 1).answer(), r"data is missing"),
+        (lambda: Response(0, Call.BROADCAST_RESET), "which has no response"),
+        (lambda: Request(Call.BROADCAST_RESET, 31).answer(), "which has no response"),
+        (lambda: Request.data_exchange(1, 1).answer(), "data is missing"),
+        (lambda: Request(13, 1), r"call is 13; it must be a whole number 0\.\.12"),
     ],
 )
 def test_bad_arguments_name_value_and_range(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
-
-
-def test_an_unknown_call_number():
-    with pytest.raises(ArgumentError, match=r"call is 13; it must be a whole number 0\.\.12"):
-        Request(13, 1)
 
 
 def test_answers_of_every_call():
@@ -322,7 +238,7 @@ def test_answers_of_every_call():
         if isinstance(call.rule.answer, int):
             assert request.answer() == Response(call.rule.answer, call)
         answer = request.answer(call.rule.answer if isinstance(call.rule.answer, int) else 5)
-        assert "the standard asks" not in str(answer)
+        assert "requires" not in str(answer)
         assert Response.parse(answer.bits, call) == answer
         assert str(answer).startswith(f"response to {call.rule.title}: ")
     surprise = Response(3, Call.RESET)

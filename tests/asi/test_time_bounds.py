@@ -87,9 +87,12 @@ def disturbed_times(plan, run, direction):
         for a, b in zip(before[:-1], after[1:], strict=True):
             if rows["cycle"][b] - rows["cycle"][a] <= 1 + paired:
                 bound = plan.cycle.response_time(
-                    slave.kind, paired=paired, delay=delay, direction=direction,
+                    slave.kind,
+                    paired=paired,
+                    delay=delay,
+                    direction=direction,
                     repetitions=int(repetitions[b] - repetitions[a]),
-                )  # fmt: skip
+                )
                 yield (end[b] - begin[a]) * BIT_TIME, bound.worst
 
 

@@ -44,8 +44,8 @@ def add_events(
     dt = _step(t)
     first = np.ceil((begin - t[0]) / dt).astype(np.intp)
     column = first[:, np.newaxis] + np.arange(int(length / dt) + 1)
-    row, place = np.nonzero((column >= 0) & (column < t.size))
-    column = column[row, place]
+    row, index = np.nonzero((column >= 0) & (column < t.size))
+    column = column[row, index]
     since = np.maximum(t[column] - begin[row], 0.0)
     u[row, column] += shape(since, *(parameter[row] for parameter in parameters))
 
@@ -255,9 +255,12 @@ class Burst:
 
 #: Parameters that define the severity of a test; the others define its kind.
 _SEVERITY = [
-    "voltage", "peak voltage", "field strength", "highest frequency",
+    "voltage",
+    "peak voltage",
+    "field strength",
+    "highest frequency",
     "voltage over that of the supply",
-]  # fmt: skip
+]
 
 #: Position on the x axis at which a test that AS-i lacks is drawn: left of all ratios.
 _NONE = 0.4
@@ -326,28 +329,40 @@ def plot_levels(ax: Axes | None = None) -> Axes:
     AS-i level over marine level [1]
     """
     ax, table = style.axes(ax, figsize=(6.4, 4)), levels()
-    asked = table["parameter"].isin(_SEVERITY) & (table["gap"] != "not asked")
-    rows = table[asked].to_dict("records")
+    drawn = table["parameter"].isin(_SEVERITY) & (table["gap"] != "not asked")
+    rows = table[drawn].to_dict("records")
     for y, row in enumerate(rows):
         missing, unsure = row["gap"] == "test missing", row["confirmed"] != "yes"
         colour = "C0" if row["gap"] == "covers" else style.LIMIT["color"]
         x = _NONE if missing else row["ratio"]
         ax.plot([1, x], [y, y], color=colour, linewidth=3, alpha=0.5, visible=not missing)
         ax.plot(
-            [x], [y], marker="x" if missing else "o", linestyle="none", color=colour,
+            [x],
+            [y],
+            marker="x" if missing else "o",
+            linestyle="none",
+            color=colour,
             markerfacecolor="white" if unsure else colour,
-        )  # fmt: skip
+        )
         tested = "no test" if missing else f"{row['asi']:g} {row['unit']}"
         text = f"{tested}, ship {row['marine']:g} {row['unit']}"
         ax.annotate(
-            text + (" (not confirmed)" if unsure else ""), (max(x, 1.0), y), (7, 0),
-            textcoords="offset points", va="center",
-        )  # fmt: skip
+            text + (" (not confirmed)" if unsure else ""),
+            (max(x, 1.0), y),
+            (7, 0),
+            textcoords="offset points",
+            va="center",
+        )
     ax.axvline(1, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"], zorder=0)
     ax.annotate(
-        "required on ships", (1, 1), (0, 3), xycoords=ax.get_xaxis_transform(),
-        textcoords="offset points", ha="center", color=style.LIMIT["color"],
-    )  # fmt: skip
+        "required on ships",
+        (1, 1),
+        (0, 3),
+        xycoords=ax.get_xaxis_transform(),
+        textcoords="offset points",
+        ha="center",
+        color=style.LIMIT["color"],
+    )
     names = [row["test"] + ("" if row["unit"] != "MHz" else ", highest frequency") for row in rows]
     ax.set_yticks(range(len(rows)), names)
     ax.set_xscale("log")

@@ -33,12 +33,16 @@ def decided_on(u: Floats, dt: float, matched: bool) -> Floats:
 
 def checked_densities(noise_density: npt.ArrayLike) -> Floats:
     """Return noise densities as a 1-D array; raise ArgumentError if one is out of range."""
-    given = np.atleast_1d(np.asarray(noise_density))
-    if given.ndim != 1 or given.dtype.kind not in "iuf" or not ((given > 0) & (given <= 1e6)).all():
+    densities = np.atleast_1d(np.asarray(noise_density))
+    if (
+        densities.ndim != 1
+        or densities.dtype.kind not in "iuf"
+        or not ((densities > 0) & (densities <= 1e6)).all()
+    ):
         raise ArgumentError(
             f"noise_density is {noise_density!r}; it must be above 0 and up to 1e6 V per root hertz"
         )
-    return np.asarray(given, float)
+    return np.asarray(densities, float)
 
 
 def _row(
@@ -408,16 +412,16 @@ def burst_failures(
     t = -generator.uniform(0, (slaves + _EXTRA) * slot, packets)
     while (t < PACKET_LENGTH).any():
         for series in in_a_row:
-            asked = np.full(packets, True)
+            trying = np.full(packets, True)
             for _ in range(TRIES):
                 hit = (t < PACKET_LENGTH) & (t + slot > 0)
-                failed = asked & hit & (generator.random(packets) < inside)
-                t += slot * asked
-                over = asked & ~failed
+                failed = trying & hit & (generator.random(packets) < inside)
+                t += slot * trying
+                over = trying & ~failed
                 counts += np.bincount(series[over], minlength=most + 1)
                 series[over] = 0
                 series += failed
-                asked = failed
+                trying = failed
             dropped = series == most
             counts[most] += np.count_nonzero(dropped)
             series[dropped] = 0

@@ -121,9 +121,9 @@ class _Sets:
 
     def add(self, *ways: list[tuple[Floats, float]]) -> None:
         """Add the weakest of the design points of several sets, if any set can be satisfied."""
-        found = [point for sides in ways if (point := _design_point(sides)) is not None]
-        if found:
-            self.points.append(min(found, key=lambda point: float(point @ point)))
+        points = [point for sides in ways if (point := _design_point(sides)) is not None]
+        if points:
+            self.points.append(min(points, key=lambda point: float(point @ point)))
 
 
 def _below(side: tuple[Floats, float]) -> tuple[Floats, float]:
@@ -198,19 +198,19 @@ def _proposal(case: _Case) -> _Proposal:
     shift, square, likely = shift[:, kept], square[:, kept], likely[:, kept]
     share = (1 - _PLAIN) * likely / likely.sum(axis=1, keepdims=True)
     n_words, n_points = share.shape
-    found = _Proposal(shift, square, share, np.full(n_words, 1 / n_words))
+    proposal = _Proposal(shift, square, share, np.full(n_words, 1 / n_words))
     for pilot in range(2):
         credit = np.zeros_like(share)
-        _draw(case, found, _PILOT, np.random.default_rng(pilot), credit)
+        _draw(case, proposal, _PILOT, np.random.default_rng(pilot), credit)
         if not credit.any():
             continue
-        own = credit / np.maximum(credit.sum(axis=1, keepdims=True), 1e-300)
-        both = own + credit.sum(axis=0) / credit.sum()
+        of_word = credit / np.maximum(credit.sum(axis=1, keepdims=True), 1e-300)
+        both = of_word + credit.sum(axis=0) / credit.sum()
         both /= both.sum(axis=1, keepdims=True)
         share = (1 - _PLAIN) * ((1 - _SPREAD) * both + _SPREAD / n_points)
         words = 0.8 * credit.sum(axis=1) / credit.sum() + 0.2 / n_words
-        found = _Proposal(shift, square, share, words)
-    return found
+        proposal = _Proposal(shift, square, share, words)
+    return proposal
 
 
 def _sample(task: tuple[_Case, int, np.random.SeedSequence]) -> dict[str, float]:
@@ -255,9 +255,14 @@ def _draw(
         if credit is not None:
             credit[word] += (x / ratio) @ each
         new = {
-            "n": len(lost), "w": weight.sum(), "ww": weight @ weight, "x": x.sum(), "xx": x @ x,
-            "lost": lost.sum(), "far": x[ratio < 1].sum(),
-        }  # fmt: skip
+            "n": len(lost),
+            "w": weight.sum(),
+            "ww": weight @ weight,
+            "x": x.sum(),
+            "xx": x @ x,
+            "lost": lost.sum(),
+            "far": x[ratio < 1].sum(),
+        }
         for name, value in new.items():
             totals[name] += float(value)
         totals["largest"] = max(totals["largest"], float(x.max()))
