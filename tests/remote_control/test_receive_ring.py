@@ -36,50 +36,6 @@ def drain(ring):
     raise AssertionError("the reader never rests")
 
 
-class Printed:
-    """The four variables of the paper, which change only as described for Figs 7 to 9."""
-
-    def __init__(self, size, empty_is_data):
-        self.size, self.empty_is_data = size, empty_is_data
-        self.cells = [0] * size
-        self.no = self.ring_f = self.get_no = self.ring_get_f = 0
-
-    def store(self, byte):
-        self.cells[self.no] = byte
-        if self.no == self.size - 1:
-            self.no = 0
-            self.ring_f = 1 if self.ring_f == 0 else 0
-        else:
-            self.no += 1
-
-    def raise_get_no(self):
-        self.get_no += 1
-        if self.get_no == self.size:
-            self.get_no = 0
-            self.ring_get_f = 1 if self.ring_get_f == 0 else 0
-
-    def extract(self):
-        if self.ring_f == self.ring_get_f:
-            if self.no < self.get_no:
-                return "stop", None
-            if self.no == self.get_no and not self.empty_is_data:
-                return "wait", None
-        elif self.no >= self.get_no:
-            if self.no < self.size >> 1:
-                self.get_no = self.size >> 1
-            else:
-                self.get_no = 0
-                self.ring_get_f = 1 if self.ring_get_f == 0 else 0
-            while (self.no, self.ring_f) != (self.get_no, self.ring_get_f):
-                if self.cells[self.get_no] == 0xCC:
-                    break
-                self.raise_get_no()
-            return "repair", None
-        byte = self.cells[self.get_no]
-        self.raise_get_no()
-        return "take", byte
-
-
 OPERATIONS = st.lists(
     st.one_of(st.none(), st.sampled_from([0xCC, 0xDD, 1, 2]), st.integers(1, 40)), max_size=60
 )
@@ -87,18 +43,25 @@ OPERATIONS = st.lists(
 
 @pytest.mark.parametrize("rule", ["printed", "intended"])
 @given(size=st.integers(2, 9), operations=OPERATIONS)
-def test_the_ring_behaves_as_the_four_printed_variables(rule, size, operations):
-    ring, printed = Ring(size, rule), Printed(size, rule == "printed")
+def test_place_and_flag_together_count_modulo_twice_the_size(rule, size, operations):
+    ring, stored, reader = Ring(size, rule), [], 0
     for operation in operations:
-        if operation is None:
-            step = ring.extract()
-            assert (step.action, step.byte) == printed.extract()
-        else:
+        if operation is not None:
             ring.store(operation)
-            printed.store(operation)
-        state = (printed.no, printed.ring_f, printed.get_no, printed.ring_get_f)
-        assert ring.state == state
-        assert ring.cells == bytes(printed.cells)
+            stored.append(operation)
+        else:
+            action, no = ring.extract().action, len(stored) % size
+            if action == "take":
+                reader += 1
+            elif action == "repair":
+                # The reader moves to the first 0xCC of the last lap, or of its second half.
+                oldest = len(stored) - no + (size // 2 - size if no < size // 2 else 0)
+                starts = [k for k in range(oldest, len(stored)) if stored[k] == 0xCC]
+                reader = min(starts, default=len(stored))
+        (ring_f, no), (ring_get_f, get_no) = (
+            divmod(count % (2 * size), size) for count in (len(stored), reader)
+        )
+        assert ring.state == (no, ring_f, get_no, ring_get_f)
 
 
 @pytest.mark.parametrize("rule", RULES)
