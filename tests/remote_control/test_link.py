@@ -245,6 +245,16 @@ def test_a_stall_overruns_the_ring_after_the_time_of_the_closed_form():
     assert [repairs(stall - byte), repairs(stall + byte)] == [0, 1]
 
 
+def test_a_task_that_finds_two_unread_laps_takes_the_ring_for_empty():
+    # The first response, of 32 bytes, arrives while the task of RCS is busy.
+    form = MarkerFormat(n_numbers=9, crc=True)
+    system, fault = full(packet_format=form, ring_size=16), Stall("RCS", start=0.03, stop=0.1)
+    table = simulate(system, until=0.2, faults=fault).events()
+    assert table[["event", "detail"]].values.tolist()[1:] == [
+        ["ring overrun unnoticed", "32 bytes unread, 32 lost"]
+    ]
+
+
 @settings(max_examples=15)
 @given(
     seed=st.integers(0, 10**6),
