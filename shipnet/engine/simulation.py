@@ -16,6 +16,7 @@ import numpy as np
 from shipnet.arrays import Bools, Integers
 from shipnet.can.frame import INTERMISSION
 from shipnet.clock import nanoseconds
+from shipnet.engine.bounds import FailureBounds
 from shipnet.engine.faults import (
     BusOff,
     CanBreak,
@@ -28,7 +29,7 @@ from shipnet.engine.faults import (
     outages,
 )
 from shipnet.engine.run import NEVER, Attempts, Cpu, Frames, Rounds, Run, Views, marks
-from shipnet.engine.system import RULE, FailureBounds, System
+from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.lazy import pd
