@@ -24,8 +24,18 @@ Condition = Literal["RTD", "4-20 mA", "switch"]
 CONDITIONS: tuple[Condition, ...] = ("RTD", "4-20 mA", "switch")
 
 #: Columns of a point file; other columns are ignored.
-_COLUMNS = ("tag", "box", "condition", "quantity", "low", "high", "unit", "signal", "alarm",
-            "service")  # fmt: skip
+_COLUMNS = (
+    "tag",
+    "box",
+    "condition",
+    "quantity",
+    "low",
+    "high",
+    "unit",
+    "signal",
+    "alarm",
+    "service",
+)
 
 #: Range of a platinum thermometer [degC]; IEC 60751.
 PT100 = (-200.0, 850.0)
@@ -50,13 +60,19 @@ class Point:
     condition: Condition = choice(CONDITIONS, "Kind of signal")
     quantity: str
     low: float = number(
-        -1e300, 1e300, "", "Lower end of the range; 0 for a switch, -200 or more for a thermometer",
+        -1e300,
+        1e300,
+        "",
+        "Lower end of the range; 0 for a switch, -200 or more for a thermometer",
         default=0.0,
-    )  # fmt: skip
+    )
     high: float = number(
-        -1e300, 1e300, "", "Upper end of the range; 1 for a switch, 850 or less for a thermometer",
+        -1e300,
+        1e300,
+        "",
+        "Upper end of the range; 1 for a switch, 850 or less for a thermometer",
         default=1.0,
-    )  # fmt: skip
+    )
     unit: str = ""
     signal: str = ""
     alarm: Literal["high", "low", ""] = choice(("high", "low", ""), "Kind of alarm", default="")

@@ -68,8 +68,9 @@ class System:
         PointList,
         "Measuring points, in 2..7 boxes; the first box responds on Modbus channel 1, the last on "
         "channel 2. The 99 points of lee2012 if not given",
-        default_factory=read_points, make=PointList,
-    )  # fmt: skip
+        default_factory=read_points,
+        make=PointList,
+    )
     firmware: Firmware = part(
         Firmware, "Times within a box; all are assumed if not given", default_factory=Firmware
     )
@@ -77,23 +78,28 @@ class System:
         10_000, 10**6, "bit/s", "Bit rate of CAN; not printed, assumed", default=125_000
     )
     update_period: float = number(
-        0, LONGEST, "s",
+        0,
+        LONGEST,
+        "s",
         "Time from one round of a box's loop to the next; not printed, assumed. A loop that takes "
-        "longer starts again at once, so 0 means no pauses", default=0.5,
-    )  # fmt: skip
+        "longer starts again at once, so 0 means no pauses",
+        default=0.5,
+    )
     topology: Literal["line", "ring"] = choice(("line", "ring"), "CAN topology", default="line")
     serial: SerialLine = part(
         SerialLine, "Both Modbus lines; 9600 bit/s, 8E1 if not given", default=SerialLine(9600)
     )
     poll_period: float = number(0.01, LONGEST, "s", "Time between polls", default=1.0)
     timeout: float = number(
-        0, LONGEST, "s", "Time-out of the AMS from the end of a request; not printed",
+        0,
+        LONGEST,
+        "s",
+        "Time-out of the AMS from the end of a request; not printed",
         default=0.1238,
-    )  # fmt: skip
+    )
     retries: int = whole(
-        0, 10, "", "Retries of the AMS before it tries the other channel; assumed",
-        default=0,
-    )  # fmt: skip
+        0, 10, "", "Retries of the AMS before it tries the other channel; assumed", default=0
+    )
     polled: Literal["one", "both"] = choice(
         ("one", "both"),
         "Whether the AMS polls one channel, or always both, each through its own port",
@@ -103,13 +109,15 @@ class System:
         ("printed", "corrected"), "How values that are too old are marked", default="printed"
     )
     stale_limit: float = number(
-        0.01, LONGEST, "s", "Silence after which a box is marked in the printed coding",
-        default=4.0,
-    )  # fmt: skip
+        0.01, LONGEST, "s", "Silence after which a box is marked in the printed coding", default=4.0
+    )
     age_limit: float = number(
-        0.01, LONGEST, "s", "Age beyond which a value is marked in the corrected coding",
+        0.01,
+        LONGEST,
+        "s",
+        "Age beyond which a value is marked in the corrected coding",
         default=RULE,
-    )  # fmt: skip
+    )
 
     def __post_init__(self) -> None:
         check_scalar("timeout", self.timeout, "s", self.shortest_timeout, LONGEST)

@@ -136,10 +136,15 @@ def test_a_healthy_link_without_changes_raises_alarms_in_reading_b_only():
     assert set(runs["B"].alarms().station) >= {"BCS", "SS"}
 
 
-@pytest.mark.parametrize(("reading", "name", "most"), [
-    ("A", "idle_time", 28), ("B", "idle_time", 21), ("A", "counted_time", 19),
-    ("B", "counted_time", 21),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("reading", "name", "most"),
+    [
+        ("A", "idle_time", 28),
+        ("B", "idle_time", 21),
+        ("A", "counted_time", 19),
+        ("B", "counted_time", 21),
+    ],
+)
 def test_the_items_that_three_seconds_at_600_bit_per_s_allow(reading, name, most):
     systems = [System(MarkerFormat(reading, n), bit_rate=600) for n in (most, most + 1)]
     within, beyond = (getattr(system, name) for system in systems)
@@ -256,11 +261,7 @@ def test_a_task_that_finds_two_unread_laps_takes_the_ring_for_empty():
 
 
 @settings(max_examples=15)
-@given(
-    seed=st.integers(0, 10**6),
-    corrected=st.booleans(),
-    stall=st.floats(0.01, 3),
-)
+@given(seed=st.integers(0, 10**6), corrected=st.booleans(), stall=st.floats(0.01, 3))
 def test_no_combination_of_faults_stops_the_simulation(seed, corrected, stall):
     form = CobsFormat() if corrected else MarkerFormat("B", numbers="any")
     system = System(form, turn_timeout=0.05, repeat=3)

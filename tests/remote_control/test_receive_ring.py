@@ -109,10 +109,12 @@ def test_the_corrected_ring_reads_all_bytes_in_order_but_those_overwritten(size,
 def test_cases_are_those_of_the_data_file():
     table = pd.read_csv(datasets.path("chung1998_ring_states.csv"), dtype=str)
     cases = {
-        ("same" if state.ring_f == state.ring_get_f else "different",
-         "<" if state.no < state.get_no else ">="): state.case
+        (
+            "same" if state.ring_f == state.ring_get_f else "different",
+            "<" if state.no < state.get_no else ">=",
+        ): state.case
         for state in itertools.starmap(State, itertools.product(range(3), (0, 1), range(3), (0, 1)))
-    }  # fmt: skip
+    }
     printed = zip(table.ring_flags, table.no_against_get_no, strict=True)
     assert cases == dict(zip(printed, table.case, strict=True))
 
@@ -341,9 +343,17 @@ def test_errors_name_the_value_and_the_range(make, message):
 def test_all_states_of_the_smallest_ring_are_listed_with_their_columns():
     states = Ring(2, "corrected").explore()
     assert [*states] == [
-        "no", "ring_f", "get_no", "ring_get_f", "unread", "first_lap", "case", "action", "lost",
+        "no",
+        "ring_f",
+        "get_no",
+        "ring_get_f",
+        "unread",
+        "first_lap",
+        "case",
+        "action",
+        "lost",
         "stale",
-    ]  # fmt: skip
+    ]
     assert states["unread"].max() == 6
     full = states[(states["unread"] == 2) & (states["get_no"] == 0) & (states["ring_get_f"] == 0)]
     assert full["first_lap"].tolist() == [False]
