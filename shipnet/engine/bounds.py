@@ -104,13 +104,13 @@ def _ages(
     handling = receive if spread else receive * system.sender.size
     tables = []
     for channel, reader in enumerate(channels, start=1):
-        own = box == reader
+        of_reader = box == reader
         terms = {
-            "sampling_s": (np.where(own, converted, looped) - offset) / 1e9,
+            "sampling_s": (np.where(of_reader, converted, looped) - offset) / 1e9,
             "update_s": system.period_ns[box] / 1e9,
-            "interrupt_s": np.where(own, 0, suspended[box]) / 1e9,
-            "can_s": np.where(own, 0.0, response),
-            "handling_s": np.where(own, 0.0, handling),
+            "interrupt_s": np.where(of_reader, 0, suspended[box]) / 1e9,
+            "can_s": np.where(of_reader, 0.0, response),
+            "handling_s": np.where(of_reader, 0.0, handling),
             "poll_s": spacing,
             # The silence after the request stands for the equal one after the response.
             "transaction_s": system.poll.shortest_timeout,
@@ -217,13 +217,13 @@ def _oldest_read(system: System, broken: int) -> float:
     crowded = int(system.loop_ns.max()) + system.service_ns > nanoseconds(system.poll.time)
     times = 2 + system.retries if crowded else 1
     both = times * system.service_ns * ports.astype(np.int64)
-    found = []
+    oldest = []
     cases = zip(system.ports, (times * healthy, both), (before, after), strict=True)
     for reader, suspended, gap in cases:
         response = system.can_response_with(suspended)
         ages = _ages(system, (reader,), suspended, response)
-        found.append(float((ages["worst_s"] - ages["poll_s"]).max()) + gap)
-    return max(found)
+        oldest.append(float((ages["worst_s"] - ages["poll_s"]).max()) + gap)
+    return max(oldest)
 
 
 def failure_bounds(system: System, fault: EngineFault | None = None) -> FailureBounds:
@@ -254,9 +254,9 @@ def failure_bounds(system: System, fault: EngineFault | None = None) -> FailureB
     check_kind("fault", fault, EngineFault)
     system.check_faults(fault)
     lasts, period = fault.stop - fault.start, int(system.period_ns.max()) / 1e9
-    place = system.boxes[0] if isinstance(fault, DeadBox) else "1"
+    in_use = system.boxes[0] if isinstance(fault, DeadBox) else "1"
     on_line = isinstance(fault, DeadBox | DeadPort | ModbusBreak | LostModbusFrames)
-    if on_line and fault.where == place and system.polled == "one":
+    if on_line and fault.where == in_use and system.polled == "one":
         broken = 1 + system.retries if isinstance(fault, LostModbusFrames) else 1
         answer += max(_in_vain(system, 1 + system.retries, broken))
         gap, oldest = max(_gaps(system, broken)), _oldest_read(system, broken)

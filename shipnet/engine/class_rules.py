@@ -207,9 +207,9 @@ def _itself(system: Description, known: float) -> _Outcome:
 
 
 def _standard(system: Description, protocols: tuple[str, ...]) -> _Outcome:
-    own = [name for name in protocols if name not in STANDARDS]
-    known = [f"{name}: {STANDARDS[name][0]}" for name in protocols if name in STANDARDS]
-    return len(own), "; ".join([*known, *(f"{name}: none known" for name in own)])
+    unlisted = [name for name in protocols if name not in STANDARDS]
+    standard = [f"{name}: {STANDARDS[name][0]}" for name in protocols if name in STANDARDS]
+    return len(unlisted), "; ".join([*standard, *(f"{name}: none known" for name in unlisted)])
 
 
 def _apart(system: Description, links: Mapping[str, tuple[str, ...]]) -> _Outcome:
@@ -246,12 +246,12 @@ def _crc(system: Description, protocols: tuple[str, ...]) -> _Outcome:
 
 def _repeats(system: Description, protocols: tuple[str, ...]) -> _Outcome:
     # A CAN controller repeats a frame until it succeeds; ISO 11898-1. A Modbus master may retry.
-    asked = [name for name in protocols if name != "CAN"]
-    if not asked:
+    repeated = [name for name in protocols if name != "CAN"]
+    if not repeated:
         return inf, "CAN controllers retransmit frames automatically"
     if system.poll is None or not system.retries_known:
-        return nan, f"retries of {asked[0]} are not described"
-    return system.poll.retries, f"retries of {asked[0]}"
+        return nan, f"retries of {repeated[0]} are not described"
+    return system.poll.retries, f"retries of {repeated[0]}"
 
 
 _NONE_FOUND = "none found in the public texts consulted"

@@ -162,12 +162,12 @@ class PointList(tuple[Point, ...]):
         return super().__new__(cls, found)
 
     @overload
-    def __getitem__(self, place: SupportsIndex, /) -> Point: ...
+    def __getitem__(self, index: SupportsIndex, /) -> Point: ...
     @overload
-    def __getitem__(self, place: slice, /) -> PointList: ...
-    def __getitem__(self, place: SupportsIndex | slice, /) -> Point | PointList:
-        found = super().__getitem__(place)
-        return found if isinstance(found, Point) else PointList(found)
+    def __getitem__(self, index: slice, /) -> PointList: ...
+    def __getitem__(self, index: SupportsIndex | slice, /) -> Point | PointList:
+        points = super().__getitem__(index)
+        return points if isinstance(points, Point) else PointList(points)
 
     def __repr__(self) -> str:
         one = "1 point" if len(self) == 1 else f"{len(self)} points"
@@ -309,8 +309,8 @@ def _read(path: str | PathLike[str]) -> PointList:
 
 
 def _point(row: dict[str, str]) -> Point:
-    given = {column: row.get(column, "") for column in _COLUMNS}
-    fields: dict[str, str | float] = {k: v for k, v in given.items() if v or k in _COLUMNS[:4]}
+    cells = {column: row.get(column, "") for column in _COLUMNS}
+    fields: dict[str, str | float] = {k: v for k, v in cells.items() if v or k in _COLUMNS[:4]}
     for end in ("low", "high"):
         if end in fields:
             try:

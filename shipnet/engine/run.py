@@ -409,7 +409,7 @@ class Run:
 
         Without `values`, the screen shows synthetic values drawn with the seed 2024.
         """
-        known = values or SyntheticValues(self.system.points, 2024)
+        sensors = values or SyntheticValues(self.system.points, 2024)
         seen = self.views.seen
         now = nanoseconds(check_scalar("time", time, "s", 0, 1e6))
         first = int(seen[0]) if seen.size else self.end
@@ -417,7 +417,7 @@ class Run:
             raise ArgumentError(
                 f"time is {time} s; it must be {first / 1e9:g}..{self.end / 1e9:g} s"
             )
-        if known.points != self.system.points:
+        if sensors.points != self.system.points:
             raise ArgumentError("values are for other points; they must be for those of the run")
         row = int(np.searchsorted(seen, now, side="right")) - 1
         printed = self.system.coding == "printed"
@@ -430,11 +430,11 @@ class Run:
             ):
                 sampled = int(shown.sampled[row]) / 1e9
                 age, mark = time - sampled, ""
-                value = reading(known, self.faults, place, sampled)
+                value = reading(sensors, self.faults, place, sampled)
                 value = round(value, 0 if printed else 1)
                 if printed and int(value) == _ERROR:
                     mark = "0xFF?"
-            true = float(known.at(place, time))
+            true = float(sensors.at(place, time))
             rows.append((point.tag, point.box, point.service, value, point.unit, true, age, mark))
         columns = ["tag", "box", "service", "value", "unit", "true", "age_s", "mark"]
         return Screen(time, pd.DataFrame(rows, columns=columns).set_index("tag"))
@@ -512,13 +512,13 @@ class Run:
         tags: dict[int, list[str]] = {}
         for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
             tags.setdefault(message, []).append(point.tag)
-        for message, own in tags.items():
+        for message, of_message in tags.items():
             # Points stay good until the next response, or until their limit if that is earlier.
             fine, end = good[:, message], good_until[:, message]
             time = np.stack([self.views.seen, end], axis=1)
             state = np.stack([fine, fine & (end == until)], axis=1)
             for when, back in _changes(time.ravel(), state.ravel()):
-                rows += [(when / 1e9, tag, "good again" if back else bad) for tag in own]
+                rows += [(when / 1e9, tag, "good again" if back else bad) for tag in of_message]
         rows.sort(key=lambda row: row[0])
         return pd.DataFrame(rows, columns=["time_s", "source", "kind"])
 
@@ -527,9 +527,9 @@ class Run:
         tries = 1 + self.system.retries
         silent = nanoseconds(self.system.poll.line.frame_time(8) + self.system.timeout)
         for channel in (0, 1):
-            own = self.attempts.channel == channel
+            on_channel = self.attempts.channel == channel
             columns = (self.attempts.poll, self.attempts.start, self.attempts.outcome)
-            poll, start, outcome = (column[own] for column in columns)
+            poll, start, outcome = (column[on_channel] for column in columns)
             fine = outcome == 0
             _, count = np.unique(poll, return_counts=True)
             final = np.repeat(count, count) == tries
@@ -608,7 +608,7 @@ def _cpu(run: Run, box: int) -> _Slices:
 
 def _without(slices: _Slices, busy: _Slices) -> _Slices:
     """Return time slices without the parts that busy slices occupy."""
-    found = []
+    free = []
     starts = np.array(sorted(begin for begin, _, _ in busy), dtype=np.int64)
     taken = sorted(busy)
     for begin, end, task in slices:
@@ -618,11 +618,11 @@ def _without(slices: _Slices, busy: _Slices) -> _Slices:
             if until <= begin:
                 continue
             if other > begin:
-                found.append((begin, other, task))
+                free.append((begin, other, task))
             begin = max(begin, until)
         if begin < end:
-            found.append((begin, end, task))
-    return found
+            free.append((begin, end, task))
+    return free
 
 
 def _lines(run: Run) -> dict[str, _Slices]:

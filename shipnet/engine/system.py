@@ -256,7 +256,9 @@ class System:
     @cached_property
     def convert_ns(self) -> Integers:
         """Time that each box takes to convert its inputs [ns], shape (n_boxes,)."""
-        counts = [sum(point.analogue for point in own) for own in self.points.by_box().values()]
+        counts = [
+            sum(point.analogue for point in points) for points in self.points.by_box().values()
+        ]
         return nanoseconds(self.firmware.input_time) * np.array(counts, dtype=np.int64)
 
     @cached_property
@@ -273,8 +275,8 @@ class System:
     @cached_property
     def suspended_ns(self) -> Integers:
         """Longest time that Modbus polls add to a healthy box's round [ns], shape (n_boxes,)."""
-        asked = self.ports if self.polled == "both" else self.ports[:1]
-        return self.service_ns * np.isin(np.arange(len(self.boxes)), asked).astype(np.int64)
+        polled = self.ports if self.polled == "both" else self.ports[:1]
+        return self.service_ns * np.isin(np.arange(len(self.boxes)), polled).astype(np.int64)
 
     @cached_property
     def period_ns(self) -> Integers:
@@ -293,15 +295,15 @@ class System:
         """Return `can_response` if Modbus polls add these times to the boxes' rounds [ns]."""
         # The receiver's interrupt comes at the end of the frame, so the intermission is left out.
         assumptions = Assumptions(own_jitter=False, intermission="between")
-        found = response_times(
+        responses = response_times(
             self._messages(suspended), self.can_bit_rate, assumptions=assumptions
         )
-        if not all(response.met for response in found):
+        if not all(response.met for response in responses):
             raise ArgumentError(
                 f"can_bit_rate is {self.can_bit_rate} bit/s; frames must arrive within the update "
                 f"period of {self.period_ns.max() / 1e9:g} s"
             )
-        return np.array([response.response for response in found])
+        return np.array([response.response for response in responses])
 
     def poll_spacing(self, lost: float = 0.0) -> float:
         """Return the time from poll to poll if each poll takes `lost` seconds longer [s]."""
@@ -350,7 +352,7 @@ class System:
 
     def check_faults(self, faults: Fault | Iterable[Fault]) -> tuple[EngineFault, ...]:
         """Return one or more faults as a tuple; raise ArgumentError if one has an unknown place."""
-        found: list[EngineFault] = []
+        checked: list[EngineFault] = []
         places = self.places
         for fault in as_faults(faults, *KINDS, *WIRES.values()):
             assert isinstance(fault, EngineFault)
@@ -358,8 +360,8 @@ class System:
             if fault.where not in legal:
                 few = [*legal[:6], *(["..."] if len(legal) > 6 else [])]
                 raise ArgumentError(f"where is {fault.where!r}; it must be one of {', '.join(few)}")
-            found.append(fault)
-        return tuple(found)
+            checked.append(fault)
+        return tuple(checked)
 
     def single_faults(self, start: float = 10.0) -> tuple[EngineFault, ...]:
         """Return all lasting single faults, each beginning at `start` [s].
@@ -367,7 +369,7 @@ class System:
         They are the failure of each cable, port, box and CAN node, the loss of half the frames of
         each box and channel, and a fault that leaves the first sensor of each box stuck.
         """
-        first = tuple(own[0].tag for own in self.points.by_box().values())
+        first = tuple(points[0].tag for points in self.points.by_box().values())
         places = {**self.places, "sensor": first}
         more: dict[type[EngineFault], dict[str, float]] = {LostModbusFrames: {"response": 0.5}}
         return tuple(
@@ -384,6 +386,6 @@ class System:
 
         box_of = {point.tag: point.box for point in self.points}
         failed = [(box_of.get(f.where, f.where), str(f)) for f in self.check_faults(faults)]
-        counts = {box: len(own) for box, own in self.points.by_box().items()}
+        counts = {box: len(points) for box, points in self.points.by_box().items()}
         ports = [self.boxes[port] for port in self.ports]
         return plot_system(counts, self.segments, ports, failed, ax=ax)

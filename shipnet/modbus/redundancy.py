@@ -298,15 +298,15 @@ class Loop:
                     va="center",
                 )
         for port, (marker, colour, words) in _SERVED.items():
-            own = np.flatnonzero(np.array(served) == port) + 1
-            if own.size:
+            served_here = np.flatnonzero(np.array(served) == port) + 1
+            if served_here.size:
                 ax.plot(
-                    x[own],
-                    y[own],
+                    x[served_here],
+                    y[served_here],
                     marker,
                     color=colour,
                     markersize=14 if n <= _NUMBERED else 4,
-                    label=f"{own.size} {words}",
+                    label=f"{served_here.size} {words}",
                     zorder=2,
                 )
         if n <= _NUMBERED:

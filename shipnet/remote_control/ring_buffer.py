@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from copy import deepcopy
+from copy import copy
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
@@ -188,10 +188,10 @@ class Ring:
     Notes
     -----
     In case a the printed reader [1]_ switches the receive interrupt off and sends; here it stops,
-    and continues when the case has changed. In case c it skips a part of the ring: it moves to the
-    middle if ``no`` is in the lower half, otherwise to the start, and searches for 0xCC from there.
-    If it finds none, it moves to the writer, which empties the ring. ``no == size / 2`` counts as
-    the upper half. The paper specifies neither of these two cases, so both rules are our choice.
+    and continues when the case has changed. In case c it moves to the other half of the ring and
+    searches for 0xCC. If it finds none, it moves to the writer, which empties the ring. ``no ==
+    size / 2`` counts as the upper half. The paper specifies neither of these two cases, so both
+    rules are our choice.
 
     A corrected program can use 16-bit counters: their difference, modulo 65536, is correct as long
     as fewer than 65536 bytes are unread.
@@ -276,7 +276,9 @@ class Ring:
 
     def copy(self) -> Ring:
         """Return an independent copy of the ring."""
-        return deepcopy(self)
+        other, other._program = copy(self), copy(self._program)
+        other._program.cells = bytearray(self._program.cells)
+        return other
 
     def store(self, byte: int) -> None:
         """Store a byte, as the receive interrupt does, regardless of the reader."""

@@ -187,13 +187,13 @@ class SerialCapture:
         errors = self._table["error"]
         counts = [((errors == "FormError").sum(), "framing error")]
         counts += [((errors == "ParityError").sum(), "parity error"), (self.glitches, "glitch")]
-        said = [
+        parts = [
             f"{n} {what}{'' if n == 1 else 'es' if what == 'glitch' else 's'}"
             for n, what in counts
             if n
         ]
         read = f"{len(errors)} characters {self.character} at {self.bit_rate:.6g} bit/s"
-        return f"SerialCapture({read}, {', '.join(said) or 'no faults'})"
+        return f"SerialCapture({read}, {', '.join(parts) or 'no faults'})"
 
 
 def read_capture(

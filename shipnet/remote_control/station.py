@@ -143,5 +143,5 @@ class Station:
 
     def next_partner(self) -> None:
         """Make the next station in the cycle the current partner."""
-        place = self.partners.index(self.partner) + 1 if self.partner in self.partners else 0
-        self.partner = self.partners[place % len(self.partners)]
+        following = self.partners.index(self.partner) + 1 if self.partner in self.partners else 0
+        self.partner = self.partners[following % len(self.partners)]

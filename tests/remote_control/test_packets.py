@@ -412,4 +412,3 @@ def test_a_trace_has_a_row_per_byte_and_ends_where_the_packet_does(form, items):
 def test_a_stream_repeats_one_packet_starting_at_any_byte(form):
     packet = form.encode({0: 1000, 1: 1000})
     assert form.stream(50, items=2) == (packet * 10)[:50]
-    assert form.stream(50, items=2, phase=4) == (packet * 10)[4:54]
