@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from math import inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,8 +27,8 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_kind
 from shipnet.lazy import pd
 
-if TYPE_CHECKING:
-    from shipnet.engine.system import System
+#: An `engine.System`; that module imports this one.
+System = Any
 
 
 class SwitchOver(NamedTuple):
