@@ -220,7 +220,7 @@ def _oldest_read(system: System, broken: int) -> float:
     oldest = []
     cases = zip(system.ports, (times * healthy, both), (before, after), strict=True)
     for reader, suspended, gap in cases:
-        response = system.can_response_with(suspended)
+        response = system._can_response_with(suspended)
         ages = _ages(system, (reader,), suspended, response)
         oldest.append(float((ages["worst_s"] - ages["poll_s"]).max()) + gap)
     return max(oldest)

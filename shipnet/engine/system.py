@@ -289,9 +289,9 @@ class System:
     @cached_property
     def can_response(self) -> Floats:
         """Longest time from queueing a message to its last bit [s], highest priority first."""
-        return self.can_response_with(self.suspended_ns)
+        return self._can_response_with(self.suspended_ns)
 
-    def can_response_with(self, suspended: Integers) -> Floats:
+    def _can_response_with(self, suspended: Integers) -> Floats:
         """Return `can_response` if Modbus polls add these times to the boxes' rounds [ns]."""
         # The receiver's interrupt comes at the end of the frame, so the intermission is left out.
         assumptions = Assumptions(own_jitter=False, intermission="between")
