@@ -3,6 +3,7 @@ from .can_layout import CanLayout as CanLayout
 from .class_rules import Description as Description
 from .class_rules import Redundancy as Redundancy
 from .class_rules import check as check
+from .firmware import Firmware as Firmware
 from .inputs import InputCard as InputCard
 from .points import Point as Point
 from .points import PointList as PointList
@@ -16,5 +17,4 @@ from .serving import fault_registers as fault_registers
 from .serving import serve as serve
 from .simulation import simulate as simulate
 from .simulation import single_failures as single_failures
-from .system import Firmware as Firmware
 from .system import System as System

@@ -72,12 +72,15 @@ class CanLayout:
         """Return the message set, with one update per `period` [s]; the paper prints no period."""
         return MessageSet(
             Message(
-                f"{box}-{n + 1:02}", number * _ID_STEP + n, min(_FRAME, size - _FRAME * n), period,
+                f"{box}-{n + 1:02}",
+                number * _ID_STEP + n,
+                min(_FRAME, size - _FRAME * n),
+                period,
                 sender=box,
             )
             for number, (box, size) in enumerate(self._packed[1].items(), 1)
             for n in range(-(-size // _FRAME))
-        )  # fmt: skip
+        )
 
     @cached_property
     def _spans(self) -> dict[str, slice]:

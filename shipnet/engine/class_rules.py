@@ -115,9 +115,8 @@ class Description:
         0, 3600, "s", "Duration of a supply change-over", default=None, optional=True
     )
     volatile: bool | None = switch(
-        "Whether settings or programs are stored in volatile memory", default=None,
-        optional=True,
-    )  # fmt: skip
+        "Whether settings or programs are stored in volatile memory", default=None, optional=True
+    )
     protocols: tuple[str, ...] | None = None
     links: Mapping[str, tuple[str, ...]] | None = field(default=None, hash=False)
     routes: Mapping[str, tuple[str, ...]] | None = field(default=None, hash=False)
@@ -208,9 +207,9 @@ def _itself(system: Description, known: float) -> _Outcome:
 
 
 def _standard(system: Description, protocols: tuple[str, ...]) -> _Outcome:
-    own = [name for name in protocols if name not in STANDARDS]
-    known = [f"{name}: {STANDARDS[name][0]}" for name in protocols if name in STANDARDS]
-    return len(own), "; ".join([*known, *(f"{name}: none known" for name in own)])
+    unlisted = [name for name in protocols if name not in STANDARDS]
+    standard = [f"{name}: {STANDARDS[name][0]}" for name in protocols if name in STANDARDS]
+    return len(unlisted), "; ".join([*standard, *(f"{name}: none known" for name in unlisted)])
 
 
 def _apart(system: Description, links: Mapping[str, tuple[str, ...]]) -> _Outcome:
@@ -247,47 +246,132 @@ def _crc(system: Description, protocols: tuple[str, ...]) -> _Outcome:
 
 def _repeats(system: Description, protocols: tuple[str, ...]) -> _Outcome:
     # A CAN controller repeats a frame until it succeeds; ISO 11898-1. A Modbus master may retry.
-    asked = [name for name in protocols if name != "CAN"]
-    if not asked:
+    repeated = [name for name in protocols if name != "CAN"]
+    if not repeated:
         return inf, "CAN controllers retransmit frames automatically"
     if system.poll is None or not system.retries_known:
-        return nan, f"retries of {asked[0]} are not described"
-    return system.poll.retries, f"retries of {asked[0]}"
+        return nan, f"retries of {repeated[0]} are not described"
+    return system.poll.retries, f"retries of {repeated[0]}"
 
 
 _NONE_FOUND = "none found in the public texts consulted"
 
 #: The rules of section II in the order of the paper.
 RULES = (
-    Rule("CPU duplicated", "CPUs", "the CPU is duplicated",
-         "points lost with a dead CPU", "", 0, "cpus", _lost, _NONE_FOUND),
-    Rule("supply duplicated", "supplies", "the power supply is duplicated",
-         "points lost with a dead supply", "", 0, "supplies", _lost,
-         "SOLAS II-1/51: a stand-by supply for the alarm system"),
-    Rule("supply changes over", "supplies", "the supply changes over within 2 s",
-         "change-over", "s", 2.0, "power_switch_over", _itself,
-         "SOLAS II-1/51: automatic, no time limit given"),
-    Rule("memory", "memory", "only non-volatile memory",
-         "volatile memories (1 if any)", "", 0, "volatile", _itself, _NONE_FOUND),
-    Rule("standard protocol", "protocols", "the protocol is an open international standard",
-         "protocols without a standard", "", 0, "protocols", _standard,
-         f"{_CIRCULAR} 4.6.4: standardised interfaces"),
-    Rule("links duplicated", "links", "the data link is duplicated",
-         "links that share no station", "", 2, "links", _apart,
-         f"{_CIRCULAR} 4.6.2: redundant where two essential functions share a link",
-         at_least=True),
-    Rule("links routed apart", "links", "the cables of the links are routed apart",
-         "links that share no space", "", 2, "points", _routes,
-         f"{_CIRCULAR} 4.6.2: as much separation as practical", at_least=True),
-    Rule("answer", "poll", "requests are answered within 2 s",
-         "request and response", "s", 2.0, "poll", _answer,
-         f"{_DNV}: alarms presented within 2 s; BV Pt C Ch 3 Sec 3: 5 s"),
-    Rule("CRC", "protocols", "transmission is verified by a CRC",
-         "single and double bit errors missed (CAN: before bit stuffing)", "", 0, "protocols",
-         _crc, f"{_CIRCULAR} 4.6.1: the link checks itself"),
-    Rule("retransmission", "protocols", "failed transmissions are repeated",
-         "repeats", "", 1, "protocols", _repeats, _NONE_FOUND, at_least=True),
-)  # fmt: skip
+    Rule(
+        name="CPU duplicated",
+        object="CPUs",
+        asks="the CPU is duplicated",
+        measure="points lost with a dead CPU",
+        unit="",
+        limit=0,
+        known="cpus",
+        compute=_lost,
+        elsewhere=_NONE_FOUND,
+    ),
+    Rule(
+        name="supply duplicated",
+        object="supplies",
+        asks="the power supply is duplicated",
+        measure="points lost with a dead supply",
+        unit="",
+        limit=0,
+        known="supplies",
+        compute=_lost,
+        elsewhere="SOLAS II-1/51: a stand-by supply for the alarm system",
+    ),
+    Rule(
+        name="supply changes over",
+        object="supplies",
+        asks="the supply changes over within 2 s",
+        measure="change-over",
+        unit="s",
+        limit=2.0,
+        known="power_switch_over",
+        compute=_itself,
+        elsewhere="SOLAS II-1/51: automatic, no time limit given",
+    ),
+    Rule(
+        name="memory",
+        object="memory",
+        asks="only non-volatile memory",
+        measure="volatile memories (1 if any)",
+        unit="",
+        limit=0,
+        known="volatile",
+        compute=_itself,
+        elsewhere=_NONE_FOUND,
+    ),
+    Rule(
+        name="standard protocol",
+        object="protocols",
+        asks="the protocol is an open international standard",
+        measure="protocols without a standard",
+        unit="",
+        limit=0,
+        known="protocols",
+        compute=_standard,
+        elsewhere=f"{_CIRCULAR} 4.6.4: standardised interfaces",
+    ),
+    Rule(
+        name="links duplicated",
+        object="links",
+        asks="the data link is duplicated",
+        measure="links that share no station",
+        unit="",
+        limit=2,
+        known="links",
+        compute=_apart,
+        elsewhere=f"{_CIRCULAR} 4.6.2: redundant where two essential functions share a link",
+        at_least=True,
+    ),
+    Rule(
+        name="links routed apart",
+        object="links",
+        asks="the cables of the links are routed apart",
+        measure="links that share no space",
+        unit="",
+        limit=2,
+        known="points",
+        compute=_routes,
+        elsewhere=f"{_CIRCULAR} 4.6.2: as much separation as practical",
+        at_least=True,
+    ),
+    Rule(
+        name="answer",
+        object="poll",
+        asks="requests are answered within 2 s",
+        measure="request and response",
+        unit="s",
+        limit=2.0,
+        known="poll",
+        compute=_answer,
+        elsewhere=f"{_DNV}: alarms presented within 2 s; BV Pt C Ch 3 Sec 3: 5 s",
+    ),
+    Rule(
+        name="CRC",
+        object="protocols",
+        asks="transmission is verified by a CRC",
+        measure="single and double bit errors missed (CAN: before bit stuffing)",
+        unit="",
+        limit=0,
+        known="protocols",
+        compute=_crc,
+        elsewhere=f"{_CIRCULAR} 4.6.1: the link checks itself",
+    ),
+    Rule(
+        name="retransmission",
+        object="protocols",
+        asks="failed transmissions are repeated",
+        measure="repeats",
+        unit="",
+        limit=1,
+        known="protocols",
+        compute=_repeats,
+        elsewhere=_NONE_FOUND,
+        at_least=True,
+    ),
+)
 
 
 def check(system: Description) -> Findings:

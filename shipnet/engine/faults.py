@@ -9,9 +9,17 @@ from shipnet.clock import Fault
 from shipnet.fields import number, record, text
 
 __all__ = [
-    "BusOff", "CanBreak", "DeadBox", "DeadPort", "LostCanFrames", "LostModbusFrames",
-    "ModbusBreak", "OpenWire", "ShortCircuit", "StuckSensor",
-]  # fmt: skip
+    "BusOff",
+    "CanBreak",
+    "DeadBox",
+    "DeadPort",
+    "LostCanFrames",
+    "LostModbusFrames",
+    "ModbusBreak",
+    "OpenWire",
+    "ShortCircuit",
+    "StuckSensor",
+]
 __dir__ = __all__.copy
 
 
@@ -184,13 +192,18 @@ class LostModbusFrames(EngineFault):
 
 #: Kinds, in the order of the rows of `single_failures`.
 KINDS: tuple[type[EngineFault], ...] = (
-    CanBreak, ModbusBreak, DeadPort, DeadBox, BusOff, LostCanFrames, LostModbusFrames, StuckSensor,
-)  # fmt: skip
+    CanBreak,
+    ModbusBreak,
+    DeadPort,
+    DeadBox,
+    BusOff,
+    LostCanFrames,
+    LostModbusFrames,
+    StuckSensor,
+)
 
 #: Faults of a sensor's wires, which make values wrong but not old.
-WIRES: dict[Literal["open", "short"], type[EngineFault]] = {
-    "open": OpenWire, "short": ShortCircuit,
-}  # fmt: skip
+WIRES: dict[Literal["open", "short"], type[EngineFault]] = {"open": OpenWire, "short": ShortCircuit}
 
 
 def outages(

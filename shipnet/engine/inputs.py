@@ -110,18 +110,26 @@ class InputCard:
 
     points: PointList = part(PointList, "One or more points", make=PointList)
     bits: int = whole(
-        1, 16, "", "Resolution of the converter; the AT90CAN128 has 10 bits", default=10,
+        1,
+        16,
+        "",
+        "Resolution of the converter; the AT90CAN128 has 10 bits",
+        default=10,
         kw_only=True,
-    )  # fmt: skip
+    )
     reference: float = number(
         0.1, 100, "V", "Reference voltage; 5 V is assumed", default=5.0, kw_only=True
     )
     margin: float = number(
-        0, 1, "",
+        0,
+        1,
+        "",
         "Extension of the amplifier's window beyond each end of the range, as a fraction of the "
         "span. In the printed design it is 0: 4..20 mA map to 0..5 V. With 0.125, 2..22 mA map to "
-        "0..5 V, so that failures can be distinguished from values", default=0.0, kw_only=True,
-    )  # fmt: skip
+        "0..5 V, so that failures can be distinguished from values",
+        default=0.0,
+        kw_only=True,
+    )
 
     @property
     def highest(self) -> int:
@@ -255,12 +263,27 @@ class InputCard:
             pairs = np.column_stack([below, below + 1]).ravel()
             codes = np.concatenate([[first], pairs, [last]])
             rows.append(
-                (point.condition, point.low, point.high, point.unit, count,
-                 decoded[first + 1] - decoded[first], decoded[last] - decoded[last - 1],
-                 np.abs(decoded[codes] - ends).max())
-            )  # fmt: skip
-        columns = ["condition", "low", "high", "unit", "points", "step_low", "step_high",
-                   "conversion_error"]  # fmt: skip
+                (
+                    point.condition,
+                    point.low,
+                    point.high,
+                    point.unit,
+                    count,
+                    decoded[first + 1] - decoded[first],
+                    decoded[last] - decoded[last - 1],
+                    np.abs(decoded[codes] - ends).max(),
+                )
+            )
+        columns = [
+            "condition",
+            "low",
+            "high",
+            "unit",
+            "points",
+            "step_low",
+            "step_high",
+            "conversion_error",
+        ]
         return pd.DataFrame(rows, columns=columns)
 
     def broken(self, wire: Literal["open", "short"]) -> Words:
@@ -281,11 +304,29 @@ class InputCard:
             point = self.points[k]
             for fault in WIRE_FAULTS:
                 rows.append(
-                    (point.condition, point.low, point.high, point.unit, count, fault,
-                     int(codes[fault][k]), float(values[fault][k]), bool(detected[fault][k]))
-                )  # fmt: skip
-        columns = ["condition", "low", "high", "unit", "points", "fault", "code", "reads",
-                   "detected"]  # fmt: skip
+                    (
+                        point.condition,
+                        point.low,
+                        point.high,
+                        point.unit,
+                        count,
+                        fault,
+                        int(codes[fault][k]),
+                        float(values[fault][k]),
+                        bool(detected[fault][k]),
+                    )
+                )
+        columns = [
+            "condition",
+            "low",
+            "high",
+            "unit",
+            "points",
+            "fault",
+            "code",
+            "reads",
+            "detected",
+        ]
         return pd.DataFrame(rows, columns=columns)
 
     @cached_property

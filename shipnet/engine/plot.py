@@ -52,17 +52,23 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
         colour, hatch = looks[str(task)]
         spans = list(zip(bars["start_ms"], bars["end_ms"] - bars["start_ms"], strict=True))
         ax.broken_barh(
-            spans, (names.index(str(row)) - 0.4, 0.8), facecolors=colour, hatch=hatch,
-            edgecolor="white" if hatch else colour, linewidth=0.2,
-        )  # fmt: skip
+            spans,
+            (names.index(str(row)) - 0.4, 0.8),
+            facecolors=colour,
+            hatch=hatch,
+            edgecolor="white" if hatch else colour,
+            linewidth=0.2,
+        )
     used = [task for task in looks if task in set(table["task"])]
     handles = [
         Patch(
-            facecolor=looks[t][0], hatch=looks[t][1], edgecolor="white",
+            facecolor=looks[t][0],
+            hatch=looks[t][1],
+            edgecolor="white",
             label=_LABELS.get(t, t) if t in _TASKS else f"frame of {t}",
         )
         for t in used
-    ]  # fmt: skip
+    ]
     style.legend(ax, handles=handles)
     ax.set_yticks(range(len(names)), names)
     ax.set_ylim(len(names) - 0.4, -0.6)
@@ -88,9 +94,13 @@ def plot_ages(
     if len(bad):
         ax.hlines(
             np.full(len(bad), 0.97 - 0.06 * len(ax.collections)),
-            bad["good_until_s"], bad["until_s"], color=line.get_color(), linewidth=5,
-            label=f"{label}, marked".lstrip(", "), transform=ax.get_xaxis_transform(),
-        )  # fmt: skip
+            bad["good_until_s"],
+            bad["until_s"],
+            color=line.get_color(),
+            linewidth=5,
+            label=f"{label}, marked".lstrip(", "),
+            transform=ax.get_xaxis_transform(),
+        )
     for name, value in (limits or {}).items():
         style.limit(ax, value, name)
     ax.set(xlabel="time [s]", ylabel="age [s]")
@@ -124,7 +134,7 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
             PolyCollection(
                 corners, facecolors=colours, edgecolors="0.3", linewidths=0.5, hatch=hatch
             )
-        )  # fmt: skip
+        )
     # Drawing hundreds of text objects takes ten times as long as drawing one set of outlines.
     ax.add_collection(
         PathCollection(
@@ -188,9 +198,13 @@ def plot_system(
     for channel, port in enumerate(ports, start=1):
         x = spots[port][0]
         ax.plot(
-            [x, x, middle], [0.0, 2.0, 2.0], color="#009E73", linestyle="--", zorder=1,
+            [x, x, middle],
+            [0.0, 2.0, 2.0],
+            color="#009E73",
+            linestyle="--",
+            zorder=1,
             label="Modbus" if channel == 1 else None,
-        )  # fmt: skip
+        )
         ax.text(x, 1.0, f" channel {channel}", va="center")
         spots[str(channel)] = (x, 1.4)
     for where, text in failed:
@@ -200,10 +214,14 @@ def plot_system(
         ax.plot([x], [y], marker="X", markersize=11, color=LIMIT["color"], zorder=4)
         on_cable = where in ("1", "2")  # beside the cable; the channel's name is below
         ax.annotate(
-            text, (x, y), (-9, 0) if on_cable else (0, -10),
-            textcoords="offset points", color=LIMIT["color"],
-            ha="right" if on_cable else "center", va="center" if on_cable else "top",
-        )  # fmt: skip
+            text,
+            (x, y),
+            (-9, 0) if on_cable else (0, -10),
+            textcoords="offset points",
+            color=LIMIT["color"],
+            ha="right" if on_cable else "center",
+            va="center" if on_cable else "top",
+        )
     style.legend(ax)
     lowest = min(-0.35, *(y for _, y in spots.values())) - 0.4
     return bare(ax, (-1.0, 2.0 * middle + 1.0), (lowest, 2.6))

@@ -28,8 +28,18 @@ CONDITIONS: tuple[Condition, ...] = ("RTD", "4-20 mA", "switch")
 _SIGNAL = {"RTD": "rtd_3wire", "4-20 mA": "current_loop", "switch": "contact"}
 
 #: Columns of a point file; other columns are ignored.
-_COLUMNS = ("tag", "box", "condition", "quantity", "low", "high", "unit", "signal", "alarm",
-            "service")  # fmt: skip
+_COLUMNS = (
+    "tag",
+    "box",
+    "condition",
+    "quantity",
+    "low",
+    "high",
+    "unit",
+    "signal",
+    "alarm",
+    "service",
+)
 
 #: Range of a platinum thermometer [degC]; IEC 60751.
 PT100 = (-200.0, 850.0)
@@ -54,13 +64,19 @@ class Point:
     condition: Condition = choice(CONDITIONS, "Kind of signal")
     quantity: str
     low: float = number(
-        -1e300, 1e300, "", "Lower end of the range; 0 for a switch, -200 or more for a thermometer",
+        -1e300,
+        1e300,
+        "",
+        "Lower end of the range; 0 for a switch, -200 or more for a thermometer",
         default=0.0,
-    )  # fmt: skip
+    )
     high: float = number(
-        -1e300, 1e300, "", "Upper end of the range; 1 for a switch, 850 or less for a thermometer",
+        -1e300,
+        1e300,
+        "",
+        "Upper end of the range; 1 for a switch, 850 or less for a thermometer",
         default=1.0,
-    )  # fmt: skip
+    )
     unit: str = ""
     signal: str = ""
     alarm: Literal["high", "low", ""] = choice(("high", "low", ""), "Kind of alarm", default="")
@@ -150,12 +166,12 @@ class PointList(tuple[Point, ...]):
         return super().__new__(cls, found)
 
     @overload
-    def __getitem__(self, place: SupportsIndex, /) -> Point: ...
+    def __getitem__(self, index: SupportsIndex, /) -> Point: ...
     @overload
-    def __getitem__(self, place: slice, /) -> PointList: ...
-    def __getitem__(self, place: SupportsIndex | slice, /) -> Point | PointList:
-        found = super().__getitem__(place)
-        return found if isinstance(found, Point) else PointList(found)
+    def __getitem__(self, index: slice, /) -> PointList: ...
+    def __getitem__(self, index: SupportsIndex | slice, /) -> Point | PointList:
+        points = super().__getitem__(index)
+        return points if isinstance(points, Point) else PointList(points)
 
     def __repr__(self) -> str:
         one = "1 point" if len(self) == 1 else f"{len(self)} points"
@@ -282,8 +298,8 @@ def _read(path: str | PathLike[str]) -> PointList:
 
 
 def _point(row: dict[str, str]) -> Point:
-    given = {column: row.get(column, "") for column in _COLUMNS}
-    fields: dict[str, str | float] = {k: v for k, v in given.items() if v or k in _COLUMNS[:4]}
+    cells = {column: row.get(column, "") for column in _COLUMNS}
+    fields: dict[str, str | float] = {k: v for k, v in cells.items() if v or k in _COLUMNS[:4]}
     for end in ("low", "high"):
         if end in fields:
             try:

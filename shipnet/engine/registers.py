@@ -60,9 +60,13 @@ class Coding:
     step: float | Literal["full scale", "decimal"]
     error: int = whole(0, 0xFFFF, "", "Content that marks a missing value")
     bits: int = whole(
-        2, 16, "", "Bits in use; unless `step` is 'full scale', the number is in two's "
-        "complement, with its sign extended to the whole register", default=16,
-    )  # fmt: skip
+        2,
+        16,
+        "",
+        "Bits in use; unless `step` is 'full scale', the number is in two's "
+        "complement, with its sign extended to the whole register",
+        default=16,
+    )
 
     def __post_init__(self) -> None:
         if self.step not in ("full scale", "decimal"):
@@ -202,9 +206,10 @@ class RegisterMap:
 
     points: PointList = part(PointList, "One or more points", make=PointList)
     coding: Coding = part(
-        Coding, "Coding of the values; tenths with the error mark 0x00FF if not given",
+        Coding,
+        "Coding of the values; tenths with the error mark 0x00FF if not given",
         default=CODINGS["tenths, 0x00FF"],
-    )  # fmt: skip
+    )
 
     def __len__(self) -> int:
         return len(self.points)

@@ -257,61 +257,6 @@ class Screen:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Ages:
-    """The age of one point over time."""
-
-    tag: str
-    _table: pd.DataFrame
-
-    def table(self) -> pd.DataFrame:
-        """Return one row per response that the AMS received.
-
-        Columns: ``seen_s``, ``until_s`` (the next response), ``good_until_s`` (shown as good until
-        then), ``sampled_s``, ``age_s`` when seen and ``last_age_s`` when last shown as good. The
-        last three are NaN if the point is marked from the start.
-        """
-        return self._table.copy()
-
-    def plot(
-        self, ax: Axes | None = None, *, limits: Mapping[str, float] | None = None, label: str = ""
-    ) -> Axes:
-        """Draw the age as a sawtooth with gaps where the point is marked, and the `limits` [s]."""
-        from shipnet.engine.plot import plot_ages
-
-        return plot_ages(self._table, ax=ax, limits=limits, label=label)
-
-    def __repr__(self) -> str:
-        return f"Ages({self.tag}, at most {self._table['last_age_s'].max():.2f} s)"
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Timeline:
-    """The work of each CPU and each line during an interval."""
-
-    start: float
-    stop: float
-    _table: pd.DataFrame
-
-    def table(self) -> pd.DataFrame:
-        """Return one row per uninterrupted piece of work.
-
-        Columns: ``row`` (a box, ``CAN``, ``channel 1`` or ``channel 2``), ``task`` (for a box
-        ``convert``, ``send``, ``CAN``, ``timer`` or ``Modbus``; for CAN the sender; for a channel
-        ``request`` or ``response``), ``start_ms`` and ``end_ms``.
-        """
-        return self._table.copy()
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw CPUs, CAN bus and Modbus lines as rows of bars; gaps are idle times."""
-        from shipnet.engine.plot import plot_timeline
-
-        return plot_timeline(self._table, ax=ax)
-
-    def __repr__(self) -> str:
-        return f"Timeline({self.start:g}..{self.stop:g} s: {len(self._table)} pieces of work)"
-
-
-@dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """A finished simulation of a `system` with the given `faults`; `simulate` creates one.
 
@@ -324,8 +269,8 @@ class Run:
     >>> run = engine.simulate(engine.System(), until=30)
     >>> run
     Run(30 s, 30 requests, 0 alarms, oldest value shown 1.75 s)
-    >>> run.ages("ME-JB2-044")
-    Ages(ME-JB2-044, at most 1.75 s)
+    >>> f"{run.ages('ME-JB2-044')['last_age_s'].max():.2f} s"
+    '1.75 s'
     >>> run.bus_time.round(3).to_dict()
     {'CAN': 0.046, 'channel 1': 0.242, 'channel 2': 0.0}
     """
@@ -380,8 +325,13 @@ class Run:
             good, good_until = good & (limit > seen[:, None]), np.minimum(good_until, limit)
         return until, good, np.where(good, good_until, seen[:, None])
 
-    def ages(self, tag: str) -> Ages:
-        """Return the age of a point over time."""
+    def ages(self, tag: str) -> pd.DataFrame:
+        """Return the age of a point over time: one row per response that the AMS received.
+
+        Columns: ``seen_s``, ``until_s`` (the next response), ``good_until_s`` (shown as good until
+        then), ``sampled_s``, ``age_s`` when seen and ``last_age_s`` when last shown as good. The
+        last three are NaN if the point is marked from the start.
+        """
         shown = self.shown(tag)
         good = shown.good
         columns = {
@@ -392,8 +342,20 @@ class Run:
             "age_s": np.where(good, shown.seen - shown.sampled, np.nan),
             "last_age_s": np.where(good, shown.good_until - shown.sampled, np.nan),
         }
-        table = pd.DataFrame({name: values / 1e9 for name, values in columns.items()})
-        return Ages(tag, table)
+        return pd.DataFrame({name: values / 1e9 for name, values in columns.items()})
+
+    def plot_ages(
+        self,
+        tag: str,
+        ax: Axes | None = None,
+        *,
+        limits: Mapping[str, float] | None = None,
+        label: str = "",
+    ) -> Axes:
+        """Draw the age of a point as a sawtooth, with gaps where it is marked and `limits` [s]."""
+        from shipnet.engine.plot import plot_ages
+
+        return plot_ages(self.ages(tag), ax=ax, limits=limits, label=label)
 
     @property
     def worst_age(self) -> float:
@@ -405,8 +367,12 @@ class Run:
         """Mean age of a point while it is shown as good, averaged over all points [s]."""
         return float(self._table["mean_s"].mean())
 
-    def timeline(self, start: float, stop: float) -> Timeline:
+    def timeline(self, start: float, stop: float) -> pd.DataFrame:
         """Return the work of each CPU and each line between two times [s], at most 60 s apart.
+
+        One row per uninterrupted piece of work: ``row`` (a box, ``CAN``, ``channel 1`` or
+        ``channel 2``), ``task`` (for a box ``convert``, ``send``, ``CAN``, ``timer`` or ``Modbus``;
+        for CAN the sender; for a channel ``request`` or ``response``), ``start_ms`` and ``end_ms``.
 
         A CPU is idle while no work is listed. The CAN routine runs while the loop waits for the
         multiplexer, so it does not prolong the conversion; a Modbus interrupt does.
@@ -430,14 +396,20 @@ class Run:
             if begin < span[1] and end > span[0]
         ]
         columns = ["row", "task", "start_ms", "end_ms"]
-        return Timeline(start, stop, pd.DataFrame(table, columns=columns))
+        return pd.DataFrame(table, columns=columns)
+
+    def plot_timeline(self, start: float, stop: float, ax: Axes | None = None) -> Axes:
+        """Draw CPUs, CAN bus and Modbus lines as rows of bars; gaps are idle times."""
+        from shipnet.engine.plot import plot_timeline
+
+        return plot_timeline(self.timeline(start, stop), ax=ax)
 
     def screen(self, time: float, values: SyntheticValues | None = None) -> Screen:
         """Return the AMS's screen at `time` [s], between the first response and the end of the run.
 
         Without `values`, the screen shows synthetic values drawn with the seed 2024.
         """
-        known = values or SyntheticValues(self.system.points, 2024)
+        sensors = values or SyntheticValues(self.system.points, 2024)
         seen = self.views.seen
         now = nanoseconds(check_scalar("time", time, "s", 0, 1e6))
         first = int(seen[0]) if seen.size else self.end
@@ -445,7 +417,7 @@ class Run:
             raise ArgumentError(
                 f"time is {time} s; it must be {first / 1e9:g}..{self.end / 1e9:g} s"
             )
-        if known.points != self.system.points:
+        if sensors.points != self.system.points:
             raise ArgumentError("values are for other points; they must be for those of the run")
         row = int(np.searchsorted(seen, now, side="right")) - 1
         printed = self.system.coding == "printed"
@@ -458,11 +430,11 @@ class Run:
             ):
                 sampled = int(shown.sampled[row]) / 1e9
                 age, mark = time - sampled, ""
-                value = reading(known, self.faults, place, sampled)
+                value = reading(sensors, self.faults, place, sampled)
                 value = round(value, 0 if printed else 1)
                 if printed and int(value) == _ERROR:
                     mark = "0xFF?"
-            true = float(known.at(place, time))
+            true = float(sensors.at(place, time))
             rows.append((point.tag, point.box, point.service, value, point.unit, true, age, mark))
         columns = ["tag", "box", "service", "value", "unit", "true", "age_s", "mark"]
         return Screen(time, pd.DataFrame(rows, columns=columns).set_index("tag"))
@@ -540,13 +512,13 @@ class Run:
         tags: dict[int, list[str]] = {}
         for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
             tags.setdefault(message, []).append(point.tag)
-        for message, own in tags.items():
+        for message, of_message in tags.items():
             # Points stay good until the next response, or until their limit if that is earlier.
             fine, end = good[:, message], good_until[:, message]
             time = np.stack([self.views.seen, end], axis=1)
             state = np.stack([fine, fine & (end == until)], axis=1)
             for when, back in _changes(time.ravel(), state.ravel()):
-                rows += [(when / 1e9, tag, "good again" if back else bad) for tag in own]
+                rows += [(when / 1e9, tag, "good again" if back else bad) for tag in of_message]
         rows.sort(key=lambda row: row[0])
         return pd.DataFrame(rows, columns=["time_s", "source", "kind"])
 
@@ -555,9 +527,9 @@ class Run:
         tries = 1 + self.system.retries
         silent = nanoseconds(self.system.poll.line.frame_time(8) + self.system.timeout)
         for channel in (0, 1):
-            own = self.attempts.channel == channel
+            on_channel = self.attempts.channel == channel
             columns = (self.attempts.poll, self.attempts.start, self.attempts.outcome)
-            poll, start, outcome = (column[own] for column in columns)
+            poll, start, outcome = (column[on_channel] for column in columns)
             fine = outcome == 0
             _, count = np.unique(poll, return_counts=True)
             final = np.repeat(count, count) == tries
@@ -636,7 +608,7 @@ def _cpu(run: Run, box: int) -> _Slices:
 
 def _without(slices: _Slices, busy: _Slices) -> _Slices:
     """Return time slices without the parts that busy slices occupy."""
-    found = []
+    free = []
     starts = np.array(sorted(begin for begin, _, _ in busy), dtype=np.int64)
     taken = sorted(busy)
     for begin, end, task in slices:
@@ -646,11 +618,11 @@ def _without(slices: _Slices, busy: _Slices) -> _Slices:
             if until <= begin:
                 continue
             if other > begin:
-                found.append((begin, other, task))
+                free.append((begin, other, task))
             begin = max(begin, until)
         if begin < end:
-            found.append((begin, end, task))
-    return found
+            free.append((begin, end, task))
+    return free
 
 
 def _lines(run: Run) -> dict[str, _Slices]:

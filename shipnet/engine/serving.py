@@ -50,9 +50,13 @@ _OF_SENSORS = (StuckSensor, OpenWire, ShortCircuit)
 
 #: Words for faults in texts such as ``2:dead``: a place, a colon and the fault.
 _WORDS: dict[str, tuple[type[EngineFault], ...]] = {
-    "dead": (DeadBox,), "bus-off": (BusOff,), "cut": (ModbusBreak, CanBreak),
-    "stuck": (StuckSensor,), "open": (OpenWire,), "short": (ShortCircuit,),
-}  # fmt: skip
+    "dead": (DeadBox,),
+    "bus-off": (BusOff,),
+    "cut": (ModbusBreak, CanBreak),
+    "stuck": (StuckSensor,),
+    "open": (OpenWire,),
+    "short": (ShortCircuit,),
+}
 
 
 def serve(
@@ -171,8 +175,9 @@ class FaultRegisters:
         parts = [(where, (kind,)) for kind in _PARTS for where in places[kind.at]]
         sensors = [(where, _OF_SENSORS) for where in places["sensor"]]
         self.rows: dict[int, tuple[str, tuple[type[EngineFault], ...]]] = {
-            **dict(enumerate(parts)), **dict(enumerate(sensors, _SENSORS)),
-        }  # fmt: skip
+            **dict(enumerate(parts)),
+            **dict(enumerate(sensors, _SENSORS)),
+        }
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
         """Return, for each register, the number of the fault now present, or 0 if there is none."""

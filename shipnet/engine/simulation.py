@@ -16,6 +16,7 @@ import numpy as np
 from shipnet.arrays import Bools, Integers
 from shipnet.can.frame import INTERMISSION
 from shipnet.clock import nanoseconds
+from shipnet.engine.bounds import FailureBounds
 from shipnet.engine.faults import (
     BusOff,
     CanBreak,
@@ -28,7 +29,7 @@ from shipnet.engine.faults import (
     outages,
 )
 from shipnet.engine.run import NEVER, Attempts, Cpu, Frames, Rounds, Run, Views, marks
-from shipnet.engine.system import RULE, FailureBounds, System
+from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.lazy import pd
@@ -110,9 +111,9 @@ def simulate(
     last = int(attempts.start.max(initial=0)) + answered
     warm = 3 * int(system.period_ns.max()) + 10**9
     span = (-warm, max(horizon, last))
-    asked = attempts.start + nanoseconds(system.poll.line.frame_time(8) + system.serial.t35)
+    requested = attempts.start + nanoseconds(system.poll.line.frame_time(8) + system.serial.t35)
     readers = np.where(attempts.heard, np.array(system.ports)[attempts.channel], -1)
-    cpus = [Cpu(asked[readers == box], system.service_ns) for box in range(len(system.boxes))]
+    cpus = [Cpu(requested[readers == box], system.service_ns) for box in range(len(system.boxes))]
     loops = [
         rounds(system, box, cpu, span, begins[system.boxes[box]], wrong)
         for box, cpu in enumerate(cpus)
@@ -126,7 +127,7 @@ def simulate(
     for port, box in enumerate(system.ports):
         rows = np.flatnonzero(channel == port)
         table = _Table(system, box, cpus[box], loops[box], sent, lost, wrong)
-        number[rows], known[rows] = table.read(asked[good][rows])
+        number[rows], known[rows] = table.read(requested[good][rows])
     views = Views(seen, number, known)
     paths: tuple[Views, ...] = ()
     if system.polled == "both":
@@ -144,12 +145,12 @@ def _phases(
     periods["AMS"] = nanoseconds(system.poll_period)
     if strange := sorted(set(given) - set(periods)):
         raise ArgumentError(f"phases has unknown names {strange}; known are {', '.join(periods)}")
-    found = {}
+    starts = {}
     for name, period in periods.items():
         drawn = 0 if rng is None else int(rng.integers(period))
         chosen = check_scalar(f"phase of {name}", given.get(name, 0.0), "s", 0, 100)
-        found[name] = nanoseconds(chosen) if name in given else drawn
-    return found
+        starts[name] = nanoseconds(chosen) if name in given else drawn
+    return starts
 
 
 def _lost(
@@ -212,24 +213,24 @@ class _Table:
             else:
                 rows = self.message == message
                 rounds_, done = self.number[rows], self.done[rows]
-            place = np.searchsorted(done, time, side="right") - 1
-            there = place >= 0
+            newest = np.searchsorted(done, time, side="right") - 1
+            there = newest >= 0
             if not there.any():
                 continue
-            when = np.where(there, done[place], NEVER)
+            when = np.where(there, done[newest], NEVER)
             there &= when >= emptied
             if sender != box and system.coding == "printed":
                 there &= when > self._marked(sender, time)
-            number[there, message] = rounds_[place][there]
+            number[there, message] = rounds_[newest][there]
             known[there, message] = when[there] - hop[message]
         return number, known
 
     def _marked(self, sender: int, time: Integers) -> Integers:
         """Return when the timer last marked a sender's values up to each time [ns], or `NEVER`."""
-        heard = self.done[self.system.sender[self.message] == sender]
+        arrivals = self.done[self.system.sender[self.message] == sender]
         work = nanoseconds(self.system.firmware.mark)
         # The first entry is not a real mark; it precedes all times.
-        ends = np.append(NEVER, self.cpu.at(marks(self.system, self.cpu, heard) + work))
+        ends = np.append(NEVER, self.cpu.at(marks(self.system, self.cpu, arrivals) + work))
         return np.asarray(ends[np.searchsorted(ends, time, side="right") - 1])
 
 

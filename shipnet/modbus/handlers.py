@@ -306,10 +306,15 @@ class RtuListener(Listener):
         size, parity, stop = tuple(self.line.character)
         library = import_module("pymodbus.transport.serialtransport")
         transport, handler = await library.create_serial_connection(
-            get_running_loop(), lambda: _RtuHandler(self), self.place,
-            baudrate=round(self.line.bit_rate), bytesize=int(size), parity=parity,
-            stopbits=int(stop), timeout=0,
-        )  # fmt: skip
+            get_running_loop(),
+            lambda: _RtuHandler(self),
+            self.place,
+            baudrate=round(self.line.bit_rate),
+            bytesize=int(size),
+            parity=parity,
+            stopbits=int(stop),
+            timeout=0,
+        )
         # The event loop sets up the transport in its next two iterations.
         while handler.transport is None:
             await sleep(0)

@@ -451,13 +451,15 @@ _BLOCK, _ONE, _COUNTED = (
     ("byte count", "values"),
 )
 _REQUESTS: dict[int, tuple[str, ...]] = {
-    **dict.fromkeys((1, 2, 3, 4), _BLOCK), **dict.fromkeys((5, 6), _ONE),
+    **dict.fromkeys((1, 2, 3, 4), _BLOCK),
+    **dict.fromkeys((5, 6), _ONE),
     **dict.fromkeys((15, 16), _BLOCK + _COUNTED),
-}  # fmt: skip
+}
 _RESPONSES: dict[int, tuple[str, ...]] = {
-    **dict.fromkeys((1, 2, 3, 4), _COUNTED), **dict.fromkeys((5, 6), _ONE),
+    **dict.fromkeys((1, 2, 3, 4), _COUNTED),
+    **dict.fromkeys((5, 6), _ONE),
     **dict.fromkeys((15, 16), _BLOCK),
-}  # fmt: skip
+}
 
 
 def _opened(pdu: bytes, kind: str) -> bytes:

@@ -43,13 +43,20 @@ class Poll:
     request: Request = part(Request, "Request that the master sends")
     line: SerialLine = part(SerialLine, "Settings of the line")
     processing: float = number(
-        0, 3600, "s",
-        "Processing times of slave and master together, in addition to the silences", default=0.0,
-    )  # fmt: skip
+        0,
+        3600,
+        "s",
+        "Processing times of slave and master together, in addition to the silences",
+        default=0.0,
+    )
     timeout: float = number(
-        0, 3600, "s", "Response time-out: how long the master waits, from the end of its request, "
-        "for the whole response; it must not be shorter than a response takes", default=1.0,
-    )  # fmt: skip
+        0,
+        3600,
+        "s",
+        "Response time-out: how long the master waits, from the end of its request, "
+        "for the whole response; it must not be shorter than a response takes",
+        default=1.0,
+    )
     retries: int = whole(
         0, 100, help="How many times the master repeats a request that is not answered", default=0
     )

@@ -131,25 +131,35 @@ class Loop:
     poll: Poll = part(Poll, "Request sent to each slave")
     closed: bool = switch(
         "Whether the line continues from the last slave to port B; if not, the master has only "
-        "port A", default=True, kw_only=True,
-    )  # fmt: skip
+        "port A",
+        default=True,
+        kw_only=True,
+    )
     isolators: bool = switch(
         "Whether a short disables only its section, like a break; without isolators it silences "
-        "every slave and port connected to it", default=False, kw_only=True,
-    )  # fmt: skip
+        "every slave and port connected to it",
+        default=False,
+        kw_only=True,
+    )
     move: Literal["slave", "downstream"] = choice(
-        ("slave", "downstream"), "Which slaves move to the other port if a poll and its retries "
+        ("slave", "downstream"),
+        "Which slaves move to the other port if a poll and its retries "
         "get no response: only the silent slave, or also all downstream of it on the same port. A "
         "slave that is silent on the other port too is lost and no longer polled",
-        default="slave", kw_only=True,
-    )  # fmt: skip
+        default="slave",
+        kw_only=True,
+    )
     recheck: float = number(
-        1e-3, 1e6, "s", "Time from the last failed attempt until the master tries the next slave "
+        1e-3,
+        1e6,
+        "s",
+        "Time from the last failed attempt until the master tries the next slave "
         "that is lost or served through B; at least the time of a scan. The master sends one "
         "request through A, without retries, and if a lost slave does not answer, one through B. "
         "A slave that answers through A stays there; the next is tried in the same scan",
-        default=60.0, kw_only=True,
-    )  # fmt: skip
+        default=60.0,
+        kw_only=True,
+    )
 
     def __post_init__(self) -> None:
         if self.recheck < self.period * (1 - 1e-12):
@@ -269,23 +279,36 @@ class Loop:
             arc = np.linspace(angle[k], angle[k + 1], 12)
             bad = k in broken | shorted
             ax.plot(
-                np.cos(arc), np.sin(arc), zorder=4 if bad else 1, label=f"_section {k}",
+                np.cos(arc),
+                np.sin(arc),
+                zorder=4 if bad else 1,
+                label=f"_section {k}",
                 color=red if bad else "0.3",
-                linestyle=":" if k in broken else "-", linewidth=4 if k in shorted else 1.5,
-            )  # fmt: skip
+                linestyle=":" if k in broken else "-",
+                linewidth=4 if k in shorted else 1.5,
+            )
             if bad:
                 words = "\n".join(str(f) for f in cables if f.section == k)
                 ax.text(
-                    1.15 * np.cos(arc[6]), 1.15 * np.sin(arc[6]), words,
-                    color=red, ha="center", va="center",
-                )  # fmt: skip
+                    1.15 * np.cos(arc[6]),
+                    1.15 * np.sin(arc[6]),
+                    words,
+                    color=red,
+                    ha="center",
+                    va="center",
+                )
         for port, (marker, colour, words) in _SERVED.items():
-            own = np.flatnonzero(np.array(served) == port) + 1
-            if own.size:
+            served_here = np.flatnonzero(np.array(served) == port) + 1
+            if served_here.size:
                 ax.plot(
-                    x[own], y[own], marker, color=colour, markersize=14 if n <= _NUMBERED else 4,
-                    label=f"{own.size} {words}", zorder=2,
-                )  # fmt: skip
+                    x[served_here],
+                    y[served_here],
+                    marker,
+                    color=colour,
+                    markersize=14 if n <= _NUMBERED else 4,
+                    label=f"{served_here.size} {words}",
+                    zorder=2,
+                )
         if n <= _NUMBERED:
             for s in range(1, n + 1):
                 ax.text(x[s], y[s], str(s), ha="center", va="center", zorder=3)

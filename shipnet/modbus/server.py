@@ -226,8 +226,8 @@ def serve(
     slaves = {}
     for unit, device in devices.items():
         why = " on a serial line" if rtu else ""
-        known = check_whole("unit id", unit, int(rtu), MAX_UNIT, why)
-        slaves[known] = device if isinstance(device, Slave) else Slave(device)
+        unit_id = check_whole("unit id", unit, int(rtu), MAX_UNIT, why)
+        slaves[unit_id] = device if isinstance(device, Slave) else Slave(device)
     if not host:
         raise ArgumentError(f"host is {host!r}; it must be a name or an address")
     bound = check_whole("port", port, 0, 0xFFFF)

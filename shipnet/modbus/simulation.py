@@ -264,9 +264,11 @@ class Run:
                 strict=True,
             ):
                 ax.broken_barh(
-                    [(at, length) for at in begins], (row, height), facecolor=colour,
+                    [(at, length) for at in begins],
+                    (row, height),
+                    facecolor=colour,
                     label=name if port == "A" else f"_{name}",
-                )  # fmt: skip
+                )
         red = style.LIMIT["color"]
         for fault in self.faults:
             for at, words in ((fault.start, str(fault)), (fault.stop, f"{fault} repaired")):

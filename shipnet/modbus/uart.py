@@ -38,9 +38,11 @@ class SerialLine:
 
     bit_rate: float = number(300, 10e6, "bit/s", "Bit rate")
     character: str = choice(
-        CHARACTERS, "Data bits (8 in RTU), parity and stop bits. The standard requires 8E1 by "
-        "default, and 8N2 without parity; 8N1 is common nevertheless", default="8E1",
-    )  # fmt: skip
+        CHARACTERS,
+        "Data bits (8 in RTU), parity and stop bits. The standard requires 8E1 by "
+        "default, and 8N2 without parity; 8N1 is common nevertheless",
+        default="8E1",
+    )
 
     #: Highest bit rate at which silences are measured in characters [bit/s], and the fixed
     #: silences at higher bit rates [s]; section 2.5.1.1.

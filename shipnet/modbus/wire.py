@@ -12,9 +12,20 @@ from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Adu
 
 Name = Literal[
-    "late", "delay", "gap", "double", "previous", "short", "garbage-before", "garbage-after",
-    "wrong-unit", "wrong-function", "wrong-count", "wrong-crc", "wrong-transaction",
-]  # fmt: skip
+    "late",
+    "delay",
+    "gap",
+    "double",
+    "previous",
+    "short",
+    "garbage-before",
+    "garbage-after",
+    "wrong-unit",
+    "wrong-function",
+    "wrong-count",
+    "wrong-crc",
+    "wrong-transaction",
+]
 
 #: Faults with a duration, and the default duration [s]; that of `late` exceeds usual time-outs.
 _SECONDS = {"late": 5.0, "delay": 0.5, "gap": 0.5}
@@ -62,9 +73,13 @@ class WireFault:
     name: Name = choice(get_args(Name), "Kind of fault; see Notes")
     probability: float = number(0, 1, "", "Fraction of responses with this fault", default=1.0)
     seconds: float | None = number(
-        0, 3600, "s", "Duration of late (default 5), delay and gap (0.5)", default=None,
+        0,
+        3600,
+        "s",
+        "Duration of late (default 5), delay and gap (0.5)",
+        default=None,
         optional=True,
-    )  # fmt: skip
+    )
 
     def __post_init__(self) -> None:
         if self.seconds is None:

@@ -80,18 +80,39 @@ def compare_checks(
                 trial = form.transmit(n, rate, packets, chance)
                 low, high = share_interval(trial.undetected, trial.sent)
                 lost = trial.detected / trial.sent if trial.sent else np.nan
-                rows.append((
-                    name, n, rate, form.size(n), trial.sent, trial.detected, trial.undetected,
-                    float(low), float(high), form.error_shares(n, rate).undetected, trial.missed,
-                    lost,
-                ))  # fmt: skip
+                rows.append(
+                    (
+                        name,
+                        n,
+                        rate,
+                        form.size(n),
+                        trial.sent,
+                        trial.detected,
+                        trial.undetected,
+                        float(low),
+                        float(high),
+                        form.error_shares(n, rate).undetected,
+                        trial.missed,
+                        lost,
+                    )
+                )
     return Comparison(tuple(rows))
 
 
 _COLUMNS = (
-    "check", "n_items", "bit_error_rate", "bytes", "sent", "detected", "undetected", "low", "high",
-    "expected", "missed", "items_lost",
-)  # fmt: skip
+    "check",
+    "n_items",
+    "bit_error_rate",
+    "bytes",
+    "sent",
+    "detected",
+    "undetected",
+    "low",
+    "high",
+    "expected",
+    "missed",
+    "items_lost",
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -257,11 +278,7 @@ def candidates(n_items: int, system: System, rate: float, stale_time: float) -> 
 
 
 def recommend(
-    n_items: int,
-    system: System | None = None,
-    *,
-    rate: float = 1e-5,
-    stale_time: float = 3.0,
+    n_items: int, system: System | None = None, *, rate: float = 1e-5, stale_time: float = 3.0
 ) -> Recommendation:
     """Return the recommended way to send a number of values: the fastest that meets all limits.
 

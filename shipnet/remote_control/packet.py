@@ -462,12 +462,12 @@ def crc_residual(n_bytes: int, rate: float, known: tuple[int, ...] = ()) -> floa
 def code_weights(n_bytes: int, known: tuple[int, ...] = ()) -> tuple[int, ...]:
     """Return the number of words of weight 0, 1, ... in the dual code of CRC-16/MODBUS."""
     bits = 8 * np.array(known, np.int64)[:, np.newaxis] + np.arange(8)
-    found = np.delete(MODBUS.syndromes(n_bytes), bits.reshape(-1))
+    syndromes = np.delete(MODBUS.syndromes(n_bytes), bits.reshape(-1))
     # For each of the 2**16 words of the dual code, the Walsh-Hadamard transform gives the number of
     # zeros minus the number of ones.
-    sums = np.bincount(found, minlength=1 << _CRC_BITS)
+    sums = np.bincount(syndromes, minlength=1 << _CRC_BITS)
     for bit in range(_CRC_BITS):
         pairs = sums.reshape(-1, 2, 1 << bit)
         sums = np.stack([pairs[:, 0] + pairs[:, 1], pairs[:, 0] - pairs[:, 1]], axis=1)
-    weights = (found.size - sums.reshape(-1)) // 2
-    return tuple(np.bincount(weights, minlength=found.size + 1).tolist())
+    weights = (syndromes.size - sums.reshape(-1)) // 2
+    return tuple(np.bincount(weights, minlength=syndromes.size + 1).tolist())

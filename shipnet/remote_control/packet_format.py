@@ -134,12 +134,12 @@ class PacketFormat:
         Raises `LengthError`, `FormError`, `CrcError` or `FieldError` (a number is rejected).
         """
         data = check_bytes("packet", packet)
-        found = self.decode_batch(np.frombuffer(data, np.uint8)[np.newaxis])
+        decoded = self.decode_batch(np.frombuffer(data, np.uint8)[np.newaxis])
         for fault, why in _FAULTS.items():
-            if found.error[0] == fault.code:
+            if decoded.error[0] == fault.code:
                 legal = f" 0..{self.n_numbers - 1}" + " and rising" * (self.numbers == "rising")
                 raise fault(f"packet {data.hex(' ')} {why}{legal * (fault is FieldError)}")
-        return tuple(zip(found.numbers[0].tolist(), found.values[0].tolist(), strict=True))
+        return tuple(zip(decoded.numbers[0].tolist(), decoded.values[0].tolist(), strict=True))
 
     def parser(self) -> Parser:
         """Return a new parser."""
@@ -156,17 +156,15 @@ class PacketFormat:
         rows = [((start + k) % size, f"0x{byte:02X}", what) for k, (byte, what) in enumerate(taken)]
         return pd.DataFrame(rows, columns=["place", "byte", "taken_as"])
 
-    def stream(self, n_bytes: int, items: int | None = None, *, phase: int = 0) -> bytes:
-        """Return `n_bytes` of packets sent without pauses, from byte `phase` of the first packet.
+    def stream(self, n_bytes: int, items: int | None = None) -> bytes:
+        """Return `n_bytes` of packets sent without pauses.
 
         Every packet has the same number of `items`, by default all, each with the value 1000.
         """
         n = check_whole("items", self.n_numbers if items is None else items, 0, self.n_numbers)
         packet = self.encode(dict.fromkeys(range(n), 1000))
         count = check_whole("n_bytes", n_bytes, 0, 10**6)
-        begin = check_whole("phase", phase, 0, 10**9) % len(packet)
-        stream = packet * ((begin + count) // len(packet) + 1)
-        return stream[begin : begin + count]
+        return (packet * (count // len(packet) + 1))[:count]
 
     def encode_batch(self, numbers: npt.ArrayLike, values: npt.ArrayLike) -> Bytes:
         """Return many packets as rows of bytes, each as returned by `encode`.

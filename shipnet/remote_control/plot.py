@@ -47,20 +47,31 @@ def plot_ring(
     for cell, byte in enumerate(cells):
         middle = 90 - (cell + 0.5) * step
         wedge = Wedge(
-            (0, 0), 1, middle - step / 2, middle + step / 2, width=0.25,
-            facecolor=shade if cell in held else "white", alpha=0.45 if cell in held else 1,
-            edgecolor="0.4", linewidth=0.8 if size <= 32 else 0.3, label=f"cell {cell}",
+            (0, 0),
+            1,
+            middle - step / 2,
+            middle + step / 2,
+            width=0.25,
+            facecolor=shade if cell in held else "white",
+            alpha=0.45 if cell in held else 1,
+            edgecolor="0.4",
+            linewidth=0.8 if size <= 32 else 0.3,
+            label=f"cell {cell}",
             hatch="///" if overrun and cell in held else None,
-        )  # fmt: skip
+        )
         ax.add_patch(wedge)
         if size <= 32:
             ax.text(*_at(0.875, middle), byte, ha="center", va="center")
     for (name, cell), radius, tip in zip(places.items(), (1.38, 0.15), (1.02, 0.74), strict=True):
         angle = 90 - (cell + 0.5) * step
         ax.annotate(
-            name, xy=_at(tip, angle), xytext=_at(radius, angle), ha="center", va="center",
+            name,
+            xy=_at(tip, angle),
+            xytext=_at(radius, angle),
+            ha="center",
+            va="center",
             arrowprops={"arrowstyle": "->", "color": "0.2"},
-        )  # fmt: skip
+        )
     ax.text(0, -1.55, text, ha="center", va="top")
     ax.set_xlim(-1.6, 1.6)
     ax.set_ylim(-2.1, 1.5)
@@ -81,18 +92,28 @@ def plot_cases(shown: npt.NDArray[np.str_], ax: Axes | None) -> Axes:
     order = np.vectorize(list(_CASES).index)(shown)
     colours = [colour for _, colour in _CASES.values()]
     ax.imshow(
-        order, cmap=ListedColormap(colours), norm=BoundaryNorm(np.arange(-0.5, 4), 4),
-        origin="lower", aspect="auto", interpolation="nearest",
-    )  # fmt: skip
+        order,
+        cmap=ListedColormap(colours),
+        norm=BoundaryNorm(np.arange(-0.5, 4), 4),
+        origin="lower",
+        aspect="auto",
+        interpolation="nearest",
+    )
     for place, letter in enumerate(_CASES):
         row, column = np.nonzero(order[:, : 2 * size] == place)
         if row.size:
             ax.text(column.mean(), row.mean(), letter)
     ax.axvline(size, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
     ax.annotate(
-        "ring full", (size, 0.5), (-3, 0), xycoords=("data", "axes fraction"),
-        textcoords="offset points", ha="right", va="center", color=style.LIMIT["color"],
-    )  # fmt: skip
+        "ring full",
+        (size, 0.5),
+        (-3, 0),
+        xycoords=("data", "axes fraction"),
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        color=style.LIMIT["color"],
+    )
     ax.set_xlabel("unread bytes [byte]")
     ax.set_ylabel("get_no [index]")
     handles = [Patch(facecolor=colour, label=label) for label, colour in _CASES.values()]
@@ -114,9 +135,13 @@ def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
         ax.text((start + end) / 2, leads.size * 0.93, letters[start], ha="center")
     ax.axvline(size, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
     ax.annotate(
-        "ring full", (size, 0.8), (4, 0), xycoords=("data", "axes fraction"),
-        textcoords="offset points", color=style.LIMIT["color"],
-    )  # fmt: skip
+        "ring full",
+        (size, 0.8),
+        (4, 0),
+        xycoords=("data", "axes fraction"),
+        textcoords="offset points",
+        color=style.LIMIT["color"],
+    )
     ax.set(xlabel="bytes unread [byte]", ylabel="true and shown [byte]")
     ax.set(xlim=(0, leads.size), ylim=(0, leads.size))
     ax.grid(visible=False)
@@ -146,26 +171,35 @@ def plot_time_chart(
         lost = outcome == "lost"
         ax.add_patch(
             Rectangle(
-                (begin, row[source] - 0.3), sent - begin, 0.6,
-                facecolor=style.FIELD[_TARGETS[target]], edgecolor="0.3", linewidth=0.5,
+                (begin, row[source] - 0.3),
+                sent - begin,
+                0.6,
+                facecolor=style.FIELD[_TARGETS[target]],
+                edgecolor="0.3",
+                linewidth=0.5,
                 hatch="////" if lost else None,
             )
-        )  # fmt: skip
+        )
         if not lost:
             side = 1 if row[target] > row[source] else -1
             ax.annotate(
-                "", (read, row[target] - 0.3 * side), (sent, row[source] + 0.3 * side),
+                "",
+                (read, row[target] - 0.3 * side),
+                (sent, row[source] + 0.3 * side),
                 arrowprops={"arrowstyle": "->", "color": "0.4", "linewidth": 0.8},
-            )  # fmt: skip
+            )
     alarms = alarms[(alarms["time_s"] >= start) & (alarms["time_s"] <= end)]
     for one in alarms.to_dict("records"):
         place = row[one["station"]] - 0.4
         ax.plot(one["time_s"], place, marker="v", color=style.LIMIT["color"], linestyle="none")
         ax.annotate(
-            f"{one['partner']} failed", (one["time_s"], place), (3, 3),
-            textcoords="offset points", color=style.LIMIT["color"],
+            f"{one['partner']} failed",
+            (one["time_s"], place),
+            (3, 3),
+            textcoords="offset points",
+            color=style.LIMIT["color"],
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
-        )  # fmt: skip
+        )
     ax.set_xlim(start, min(end, until))
     ax.set_ylim(2.5, -0.75)
     ax.set_yticks(list(row.values()), list(row))
@@ -193,9 +227,14 @@ def plot_margins(table: pd.DataFrame, ax: Axes | None, limit: float) -> Axes:
         ax.plot(rate, table[column].to_numpy(dtype=float), marker=".", label=label)
     ax.axhline(limit, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
     ax.annotate(
-        f"failure after {limit:g} s", (1, limit), (-4, 3), xycoords=("axes fraction", "data"),
-        textcoords="offset points", ha="right", color=style.LIMIT["color"],
-    )  # fmt: skip
+        f"failure after {limit:g} s",
+        (1, limit),
+        (-4, 3),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        ha="right",
+        color=style.LIMIT["color"],
+    )
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.yaxis.set_major_formatter("{x:g}")
@@ -226,9 +265,13 @@ def plot_counters(
         y = 11.7 + 1.8 * place
         ax.plot(time, y, "v", color=colour)
         ax.annotate(
-            f"failed, {time:.1f} s" if failed else f"miss {number}", (time, y), (5, 0),
-            textcoords="offset points", va="center", color=colour,
-        )  # fmt: skip
+            f"failed, {time:.1f} s" if failed else f"miss {number}",
+            (time, y),
+            (5, 0),
+            textcoords="offset points",
+            va="center",
+            color=colour,
+        )
     line, name = "-" if place == 0 else "--", label or f"rule {place + 1}"
     ax.plot(times, counts, line, drawstyle="steps-post", color=f"C{place}", label=name)
     ax.set(xlabel="time since the last 0xDD [s]", ylabel="count [tick]")
@@ -254,9 +297,14 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
         ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=label)
         some = count > 0
         ax.errorbar(
-            beside[some], share[some], yerr=[(share - low)[some], (high - share)[some]],
-            color=colour, marker="o", linestyle="none", capsize=3,
-        )  # fmt: skip
+            beside[some],
+            share[some],
+            yerr=[(share - low)[some], (high - share)[some]],
+            color=colour,
+            marker="o",
+            linestyle="none",
+            capsize=3,
+        )
     ax.set_yscale("log")
     ax.set_xlabel("items per packet")
     ax.set_ylabel("fraction accepted with errors [-]")

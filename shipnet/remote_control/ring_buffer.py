@@ -1,13 +1,7 @@
 """The receive ring: an interrupt stores bytes, and a task extracts them later.
 
-Writer and reader each have a place (``no``, ``get_no``) and a flag that changes at the end of the
-ring (``ring_f``, ``ring_get_f``). A place and its flag together count modulo twice the ring size.
-The four variables show one of four cases:
-
-- a: same flags, ``no < get_no``: the reader seems to have passed the writer;
-- b: same flags, ``no >= get_no``: in order, or empty;
-- c: different flags, ``no >= get_no``: the writer seems to have passed the reader;
-- d: different flags, ``no < get_no``: in order; the writer has wrapped around.
+`PrintedRing` is the program of chung1998, and `CountingRing` a corrected one. `Ring` runs either of
+them and counts what a program cannot know: which bytes are lost, and which are read twice.
 """
 
 from __future__ import annotations
@@ -16,7 +10,7 @@ from collections import deque
 from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -74,6 +68,102 @@ def case_of(get_no: int, lead: int, size: int) -> Case:
     return State(no, ring_f, get_no, 0).case
 
 
+class PrintedRing:
+    """The ring of chung1998: writer and reader each have a place, and a flag for the lap.
+
+    The writer stores at ``no``, and the reader extracts at ``get_no``; their flags ``ring_f`` and
+    ``ring_get_f`` toggle at the end of the ring. The four variables show one of four cases:
+
+    - a: same flags, ``no < get_no``: the reader seems to have passed the writer;
+    - b: same flags, ``no >= get_no``: in order, or empty;
+    - c: different flags, ``no >= get_no``: the writer seems to have passed the reader;
+    - d: different flags, ``no < get_no``: in order; the writer has wrapped around.
+    """
+
+    def __init__(self, size: int, empty_is_data: bool) -> None:
+        self.size, self.empty_is_data = size, empty_is_data
+        self.cells = bytearray(size)
+        self.no = self.ring_f = self.get_no = self.ring_get_f = 0
+
+    def store(self, byte: int) -> None:
+        """Store a byte, as the receive interrupt does, regardless of the reader (Fig 7)."""
+        self.cells[self.no] = byte
+        self.no += 1
+        if self.no == self.size:
+            self.no = 0
+            self.ring_f = 1 - self.ring_f
+
+    def extract(self) -> tuple[Action, int | None]:
+        """Do one step of the reader (Fig 8); return the action, and the byte if one was read."""
+        if self.ring_f == self.ring_get_f:
+            if self.no < self.get_no:
+                return "stop", None
+            if self.no == self.get_no and not self.empty_is_data:
+                return "wait", None
+        elif self.no >= self.get_no:
+            self.repair()
+            return "repair", None
+        byte = self.cells[self.get_no]
+        self.raise_get_no()
+        return "take", byte
+
+    def raise_get_no(self) -> None:
+        """Move the reader to the next place."""
+        self.get_no += 1
+        if self.get_no == self.size:
+            self.get_no = 0
+            self.ring_get_f = 1 - self.ring_get_f
+
+    def repair(self) -> None:
+        """Move the reader to the other half, and from there to the next 0xCC (Fig 9)."""
+        if self.no < self.size // 2:
+            self.get_no = self.size // 2
+        else:
+            self.get_no = 0
+            self.ring_get_f = 1 - self.ring_get_f
+        while (self.get_no, self.ring_get_f) != (self.no, self.ring_f):
+            if self.cells[self.get_no] == PACKET_START:
+                break
+            self.raise_get_no()
+
+    @property
+    def state(self) -> State:
+        """The four variables."""
+        return State(self.no, self.ring_f, self.get_no, self.ring_get_f)
+
+
+class CountingRing:
+    """A corrected ring: writer and reader count their bytes without returning to 0."""
+
+    def __init__(self, size: int) -> None:
+        self.size, self.cells = size, bytearray(size)
+        self.stored = self.extracted = 0
+
+    def store(self, byte: int) -> None:
+        """Store a byte, as the receive interrupt does, regardless of the reader."""
+        self.cells[self.stored % self.size] = byte
+        self.stored += 1
+
+    def extract(self) -> tuple[Action, int | None]:
+        """Do one step of the reader; return the action, and the byte if one was read."""
+        unread = self.stored - self.extracted
+        if unread == 0:
+            return "wait", None
+        if unread > self.size:
+            self.extracted = self.stored - self.size
+            return "repair", None
+        byte = self.cells[self.extracted % self.size]
+        self.extracted += 1
+        return "take", byte
+
+    @property
+    def state(self) -> State:
+        """The four variables that a `PrintedRing` would have."""
+        ring_f, no = divmod(self.stored % (2 * self.size), self.size)
+        ring_get_f, get_no = divmod(self.extracted % (2 * self.size), self.size)
+        return State(no, ring_f, get_no, ring_get_f)
+
+
 class Ring:
     """A receive ring that is written and read step by step.
 
@@ -98,10 +188,10 @@ class Ring:
     Notes
     -----
     In case a the printed reader [1]_ switches the receive interrupt off and sends; here it stops,
-    and continues when the case has changed. In case c it skips a part of the ring: it moves to the
-    middle if ``no`` is in the lower half, otherwise to the start, and searches for 0xCC from there.
-    If it finds none, it moves to the writer, which empties the ring. ``no == size / 2`` counts as
-    the upper half. The paper specifies neither of these two cases, so both rules are our choice.
+    and continues when the case has changed. In case c it moves to the other half of the ring and
+    searches for 0xCC. If it finds none, it moves to the writer, which empties the ring. ``no ==
+    size / 2`` counts as the upper half. The paper specifies neither of these two cases, so both
+    rules are our choice.
 
     A corrected program can use 16-bit counters: their difference, modulo 65536, is correct as long
     as fewer than 65536 bytes are unread.
@@ -132,12 +222,15 @@ class Ring:
 
     def __init__(self, size: int = 128, rule: Rule = "printed") -> None:
         self.size = check_whole("size", size, 2, 65536)
-        self.rule: Any = check_choice("rule", rule, get_args(Rule))
+        check_choice("rule", rule, get_args(Rule))
+        self.rule: Rule = rule
+        self._program: PrintedRing | CountingRing
+        if rule == "corrected":
+            self._program = CountingRing(self.size)
+        else:
+            self._program = PrintedRing(self.size, empty_is_data=rule == "printed")
         self.written = self.lost = self.stale = 0
-        self._cells = bytearray(self.size)
-        # Place and flag of the reader as one number, 0..2 * size - 1.
-        self._reader = 0
-        # The next byte that was never read, counted from the first byte stored.
+        # The first byte that was neither read nor skipped, counted from the first byte stored.
         self._due = 0
 
     @classmethod
@@ -158,14 +251,12 @@ class Ring:
     @property
     def cells(self) -> bytes:
         """The bytes in all cells of the ring; 0 in cells not yet used."""
-        return bytes(self._cells)
+        return bytes(self._program.cells)
 
     @property
     def state(self) -> State:
         """The four variables."""
-        ring_f, no = divmod(self.written % (2 * self.size), self.size)
-        ring_get_f, get_no = divmod(self._reader, self.size)
-        return State(no, ring_f, get_no, ring_get_f)
+        return self._program.state
 
     @property
     def case(self) -> Case:
@@ -180,17 +271,18 @@ class Ring:
     @property
     def seems_unread(self) -> int:
         """Number of bytes that the four variables show as unread, 0..2 * size - 1."""
-        return (self.written - self._reader) % (2 * self.size)
+        no, ring_f, get_no, ring_get_f = self.state
+        return (no + self.size * ring_f - get_no - self.size * ring_get_f) % (2 * self.size)
 
     def copy(self) -> Ring:
         """Return an independent copy of the ring."""
-        other = copy(self)
-        other._cells = bytearray(self._cells)
+        other, other._program = copy(self), copy(self._program)
+        other._program.cells = bytearray(self._program.cells)
         return other
 
     def store(self, byte: int) -> None:
         """Store a byte, as the receive interrupt does, regardless of the reader."""
-        self._cells[self.written % self.size] = check_whole("byte", byte, 0, 255)
+        self._program.store(check_whole("byte", byte, 0, 255))
         self.written += 1
 
     def store_all(self, data: bytes) -> None:
@@ -200,20 +292,21 @@ class Ring:
 
     def extract(self) -> Step:
         """Do one step of the reader."""
-        case = self.case
-        if self.rule == "corrected":
-            if self.unread == 0:
-                return Step(case, "wait")
-            if self.unread > self.size:
-                return Step(case, "repair", lost=self._move(self.written - self.size))
-            return self._take(case)
-        if case == "a":
-            return Step(case, "stop")
-        if case == "c":
-            return Step(case, "repair", lost=self._move(self._first_start()))
-        if self.rule == "intended" and self.seems_unread == 0:
-            return Step(case, "wait")
-        return self._take(case)
+        before = self.state
+        action, byte = self._program.extract()
+        if action == "take":
+            # The cell holds the last byte that was stored in it.
+            first = self.written - 1 - (self.written - 1 - before.get_no) % self.size
+            following = first + 1
+        elif action == "repair":
+            first = following = self.written - self.seems_unread
+        else:
+            return Step(before.case, action)
+        lost, stale = max(0, first - self._due), action == "take" and first < self._due
+        self.lost += lost
+        self.stale += stale
+        self._due = max(self._due, following)
+        return Step(before.case, action, byte, lost, stale)
 
     def drain(self) -> list[Step]:
         """Read until the reader waits or stops, as the task does; return the steps."""
@@ -270,7 +363,7 @@ class Ring:
 
         held = range(max(0, self.written - min(self.unread, self.size)), self.written)
         return plot_ring(
-            [f"{byte:02X}" if k < self.written else "" for k, byte in enumerate(self._cells)],
+            [f"{byte:02X}" if k < self.written else "" for k, byte in enumerate(self.cells)],
             {count % self.size for count in held},
             {"no": self.state.no, "get_no": self.state.get_no},
             f"ring_f = {self.state.ring_f}, ring_get_f = {self.state.ring_get_f}\n"
@@ -278,38 +371,6 @@ class Ring:
             overrun=self.unread > self.size,
             ax=ax,
         )
-
-    def _take(self, case: Case) -> Step:
-        place = self._reader % self.size
-        self._reader = (self._reader + 1) % (2 * self.size)
-        # The cell holds the last byte that was stored in it.
-        count = self.written - 1 - (self.written - 1 - place) % self.size
-        if count < self._due:
-            self.stale += 1
-            return Step(case, "take", self._cells[place], stale=True)
-        lost = count - self._due
-        self.lost += lost
-        self._due = count + 1
-        return Step(case, "take", self._cells[place], lost)
-
-    def _move(self, count: int) -> int:
-        """Move the reader forward to a byte; return how many unread bytes it skips."""
-        self._reader = count % (2 * self.size)
-        lost = max(0, count - self._due)
-        self._due += lost
-        self.lost += lost
-        return lost
-
-    def _first_start(self) -> int:
-        """Return where the repair of Fig 9 puts the reader, counted from the first byte stored."""
-        no = self.state.no
-        half = self.size >> 1
-        # If ``no`` is in the lower half, the upper half still holds bytes of the previous lap.
-        oldest = self.written - no + (half - self.size if no < half else 0)
-        for count in range(oldest, self.written):
-            if self._cells[count % self.size] == PACKET_START:
-                return count
-        return self.written
 
 
 def _key(ring: Ring) -> tuple[int, ...]:

@@ -113,9 +113,14 @@ def _found(
     """Return the bit time and format with the fewest faults, preferring long bits and parity."""
     head = np.asarray(edges.places[:_HEAD], dtype=float)
     runs = np.diff(head)
-    guesses = {bit} if bit else {
-        float(np.quantile(runs, q)) / part for q in (0.1, 0.3, 0.5, 0.6) for part in (1, 2, 3)
-    } | {bit_time(edges._replace(places=head), 9)}  # fmt: skip
+    guesses = (
+        {bit}
+        if bit
+        else {
+            float(np.quantile(runs, q)) / part for q in (0.1, 0.3, 0.5, 0.6) for part in (1, 2, 3)
+        }
+        | {bit_time(edges._replace(places=head), 9)}
+    )
     best = (np.inf, bit or max(guesses), form or _FORMS[0])
     for guess in sorted(guesses):
         if guess < _FEWEST:
@@ -182,12 +187,13 @@ class SerialCapture:
         errors = self._table["error"]
         counts = [((errors == "FormError").sum(), "framing error")]
         counts += [((errors == "ParityError").sum(), "parity error"), (self.glitches, "glitch")]
-        said = [
+        parts = [
             f"{n} {what}{'' if n == 1 else 'es' if what == 'glitch' else 's'}"
-            for n, what in counts if n
-        ]  # fmt: skip
+            for n, what in counts
+            if n
+        ]
         read = f"{len(errors)} characters {self.character} at {self.bit_rate:.6g} bit/s"
-        return f"SerialCapture({read}, {', '.join(said) or 'no faults'})"
+        return f"SerialCapture({read}, {', '.join(parts) or 'no faults'})"
 
 
 def read_capture(
@@ -295,6 +301,12 @@ def read_capture(
     }
     glitches = (len(places) - len(clean)) // 2 + reading.false
     return SerialCapture(
-        rate, 1 / (own * edges.dt), found, waveform, edges.samples * edges.dt, edges.channel,
-        glitches, pd.DataFrame(columns),
-    )  # fmt: skip
+        rate,
+        1 / (own * edges.dt),
+        found,
+        waveform,
+        edges.samples * edges.dt,
+        edges.channel,
+        glitches,
+        pd.DataFrame(columns),
+    )

@@ -5,11 +5,10 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from functools import partial
 from heapq import heappop, heappush
 from itertools import count
 from math import inf, nan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -159,9 +158,9 @@ class Run:
         if station not in STATIONS:
             raise ArgumentError(f"station is {station!r}; it must be one of {STATIONS}")
 
-        def points(known: Iterable[Change | Update]) -> list[tuple[float, int]]:
-            own = [one for one in known if (one.station, one.number) == (station, number)]
-            return [(one.time, one.value) for one in own]
+        def points(values: Iterable[Change | Update]) -> list[tuple[float, int]]:
+            here = (station, number)
+            return [(v.time, v.value) for v in values if (v.station, v.number) == here]
 
         rows = [(0.0, 0), *(points(self.changes) or points(self.updates))]
         return pd.DataFrame(rows, columns=["time_s", "value"])
@@ -182,15 +181,15 @@ class Run:
                 if (c.station, c.number) == (change.station, change.number) and c.time > change.time
             )
             until = min(later, default=inf)
-            own = (u for u in self.updates if (u.station, u.number) == (station, change.number))
-            history = [(0.0, 0), *((update.time, update.value) for update in own)]
+            updates = (u for u in self.updates if (u.station, u.number) == (station, change.number))
+            history = [(0.0, 0), *((update.time, update.value) for update in updates)]
             shown = bisect_left(history, (change.time, -1)) - 1
-            heard = (
+            delays = (
                 max(time - change.time, 0.0)
                 for time, value in history[max(shown, 0) :]
                 if value == change.value and time < until
             )
-            delay = next(heard, nan)
+            delay = next(delays, nan)
             rows.append((change.time, change.station, change.number, change.value, delay))
         return pd.DataFrame(rows, columns=["time_s", "station", "number", "value", "delay_s"])
 
@@ -260,10 +259,10 @@ def simulate(
     >>> run.events()[["time_s", "station", "event", "partner"]].round(1).values[1:4].tolist()
     [[7.1, 'BCS', 'failed', 'RCS'], [7.6, 'RCS', 'failed', 'SS'], [7.6, 'BCS', 'answered', 'RCS']]
     """
-    several = (changes,) if isinstance(changes, Change) else tuple(changes)
-    chance = None if rng is None else check_rng(rng)
-    known = as_faults(faults, DeadStation, LostPacket, Stall)
-    return _Simulation(system, until, known, several, chance).run()
+    changes = (changes,) if isinstance(changes, Change) else tuple(changes)
+    faults = as_faults(faults, DeadStation, LostPacket, Stall)
+    rng = None if rng is None else check_rng(rng)
+    return _Simulation(system, until, faults, changes, rng).run()
 
 
 class _Simulation:
@@ -286,10 +285,10 @@ class _Simulation:
                 f"limit is {_MOST_EVENTS:.0e}"
             )
         self.now = 0.0
-        self._heap: list[tuple[float, int, Callable[[], None]]] = []
+        self._heap: list[tuple[float, int, Callable[..., None], tuple[Any, ...]]] = []
         self._order = count()
         self.stations = {name: Station(name, system) for name in STATIONS}
-        self.run_ = Run(system, self.end, faults)
+        self.result = Run(system, self.end, faults)
         self.marked = isinstance(system.packet_format, MarkerFormat)
         self.losses: list[LostPacket] = []
         # Packets per station whose last byte is in the station's ring but not yet read.
@@ -299,40 +298,41 @@ class _Simulation:
                 self.losses.append(fault)
             elif isinstance(fault, DeadStation):
                 station = self.stations[fault.station]
-                self._at(fault.start, partial(self._stop, station))
-                self._at(fault.stop, partial(self._start, station))
+                self._at(fault.start, self._stop, station)
+                self._at(fault.stop, self._start, station)
             elif isinstance(fault, Stall):
-                self._at(fault.start, partial(self._stall, fault))
+                self._at(fault.start, self._stall, fault)
         for change in changes:
             if not isinstance(change, Change):
                 raise ArgumentError(f"one of changes is {change!r}; it must be a Change")
             check_whole("number of a change", change.number, 0, system.n_items - 1)
-            self._at(change.time, partial(self._change, change))
-        self.run_.changes.extend(sorted(changes, key=lambda change: change.time))
+            self._at(change.time, self._change, change)
+        self.result.changes.extend(sorted(changes, key=lambda change: change.time))
         for name, station in self.stations.items():
             tick = self.system.rule(name).tick
             first = tick * (1 - rng.random()) if rng is not None else tick
-            self._at(first, partial(self._tick, station, first, 0))
+            self._at(first, self._tick, station, first, 0)
 
     def run(self) -> Run:
         for station in self.stations.values():
             self._enter(station, State.RECEIVING)
-        self._at(0.0, partial(self._send, self.stations["RCS"]))
+        self._at(0.0, self._send, self.stations["RCS"])
         while self._heap and self._heap[0][0] <= self.end:
-            self.now, _, act = heappop(self._heap)
-            act()
-        return self.run_
+            self.now, _, act, arguments = heappop(self._heap)
+            act(*arguments)
+        return self.result
 
-    def _at(self, time: float, act: Callable[[], None]) -> None:
+    def _at(self, time: float, act: Callable[..., None], *arguments: Any) -> None:
+        """Call ``act(*arguments)`` at `time`; events at the same time keep their order."""
         if time <= self.end:
-            heappush(self._heap, (time, next(self._order), act))
+            heappush(self._heap, (time, next(self._order), act, arguments))
 
     def _note(self, station: Station, event: str, partner: str = "", detail: str = "") -> None:
-        self.run_._events.append((self.now, station.name, event, partner, detail))
+        self.result._events.append((self.now, station.name, event, partner, detail))
 
     def _enter(self, station: Station, state: State) -> None:
         station.state = state
-        self.run_._states.append((self.now, station.name, state))
+        self.result._states.append((self.now, station.name, state))
 
     # sending
 
@@ -348,13 +348,13 @@ class _Simulation:
         character = self.system.character_time
         packet = Packet(self.now, self.now + len(data) * character, station.name, target.name)
         packet.items = tuple(sorted(items.items()))
-        self.run_.packets.append(packet)
+        self.result.packets.append(packet)
         if not self._is_lost(packet):
             for place, byte in enumerate(data, start=1):
                 last = place == len(data)
-                act = partial(self._arrive, station, turn, target, byte, last, packet)
-                self._at(packet.start + place * character, act)
-        self._at(packet.end, partial(self._sent, station, turn))
+                time = packet.start + place * character
+                self._at(time, self._arrive, station, turn, target, byte, last, packet)
+        self._at(packet.end, self._sent, station, turn)
 
     def _is_lost(self, packet: Packet) -> bool:
         for loss in self.losses:
@@ -370,7 +370,7 @@ class _Simulation:
         self._enter(station, State.RECEIVING)
         timeout = self.system.turn_timeout
         if station.master and timeout is not None:
-            self._at(self.now + timeout, partial(self._time_out, station, turn))
+            self._at(self.now + timeout, self._time_out, station, turn)
         self._look(station)
 
     # receiving
@@ -387,7 +387,7 @@ class _Simulation:
         """Store a byte at its receiver if the receiver accepts it."""
         if source.turn != turn or target.state.comm_f != 1:
             return
-        target.ring.store(byte)
+        target.store(byte)
         if byte == DATA_START and self.marked:
             self._life(target, source.name)
         if last:
@@ -396,7 +396,7 @@ class _Simulation:
 
     def _life(self, station: Station, partner: str) -> None:
         counter = station.counters[partner]
-        self.run_.heartbeats.append((self.now, station.name, partner, counter.ticks))
+        self.result.heartbeats.append((self.now, station.name, partner, counter.ticks))
         if counter.clear():
             self._note(station, "answered", partner)
 
@@ -405,18 +405,13 @@ class _Simulation:
         if station.state is not State.RECEIVING or self.now < station.busy_until:
             return
         reading = station.read()
-        self.run_.max_unread = max(self.run_.max_unread, reading.unread)
-        if reading.repaired or reading.lost or reading.stopped:
-            found = f"{reading.unread} bytes unread, {reading.lost} lost"
-            if reading.repaired:
-                self._note(station, "ring repaired", "", found)
-            elif reading.lost:
-                self._note(station, "ring overrun unnoticed", "", found)
-            if reading.stopped:
-                self._note(station, "ring stopped", "", found)
-            if reading.stopped and not reading.packets:
-                self._leave(station, station.turn)
-                return
+        self.result.max_unread = max(self.result.max_unread, reading.unread)
+        if reading.event:
+            detail = f"{reading.unread} bytes unread, {reading.lost} lost"
+            self._note(station, reading.event, "", detail)
+        if reading.event == "ring stopped":
+            self._leave(station, station.turn)
+            return
         waiting = self.waiting[station.name]
         if not reading.packets:
             return
@@ -429,19 +424,18 @@ class _Simulation:
             self._life(station, source)
         self._enter(station, State.PROCESSING)
         taken = tuple(item for items in reading.packets for item in items)
-        act = partial(self._processed, station, station.turn, source, taken)
-        self._at(self.now + self.system.processing, act)
+        done = self.now + self.system.processing
+        self._at(done, self._processed, station, station.turn, source, taken)
 
     def _processed(self, station: Station, turn: int, source: str, items: Items) -> None:
         """Store the values in the tables, and begin to send."""
         if station.turn != turn:
             return
         if self.now < station.busy_until:
-            act = partial(self._processed, station, turn, source, items)
-            self._at(station.busy_until, act)
+            self._at(station.busy_until, self._processed, station, turn, source, items)
             return
         for k, value in items:
-            self.run_.updates.append(Update(self.now, station.name, source, k, value))
+            self.result.updates.append(Update(self.now, station.name, source, k, value))
             if station.master and k < self.system.n_items:
                 other, numbers = _FORWARDED[source]
                 if k in numbers:
@@ -452,7 +446,7 @@ class _Simulation:
 
     def _tick(self, station: Station, first: float, number: int) -> None:
         tick = self.system.rule(station.name).tick
-        self._at(first + (number + 1) * tick, partial(self._tick, station, first, number + 1))
+        self._at(first + (number + 1) * tick, self._tick, station, first, number + 1)
         if station.state is State.DEAD:
             return
         for partner, counter in station.counters.items():
@@ -471,7 +465,7 @@ class _Simulation:
     def _leave(self, station: Station, turn: int) -> None:
         """End the wait for a response: let the station send as soon as its task is free."""
         if self.now < station.busy_until:
-            self._at(station.busy_until, partial(self._leave, station, turn))
+            self._at(station.busy_until, self._leave, station, turn)
         elif station.turn == turn and station.state is State.RECEIVING:
             self._send(station)
 
@@ -496,7 +490,7 @@ class _Simulation:
         station = self.stations[fault.station]
         station.busy_until = max(station.busy_until, fault.stop)
         self._note(station, "task stalls", "", f"until {fault.stop:g} s")
-        self._at(fault.stop, partial(self._look, station))
+        self._at(fault.stop, self._look, station)
 
     def _change(self, change: Change) -> None:
         station = self.stations[change.station]

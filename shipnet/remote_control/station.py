@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import Enum
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
 from shipnet.remote_control.faults import HOPS
 from shipnet.remote_control.packet_format import Items
-from shipnet.remote_control.ring_buffer import Ring, bytes_of
+from shipnet.remote_control.ring_buffer import PrintedRing
 from shipnet.remote_control.system import Counter, System
 
 
@@ -39,18 +38,8 @@ def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, in
         raise ArgumentError(
             f"sending has {len(sending)} values, sended {len(sended)}; they must be equally long"
         )
-    pairs = zip(_values("sending", sending), _values("sended", sended), strict=True)
+    pairs = zip(sending, sended, strict=True)
     return {number: value for number, (value, last) in enumerate(pairs) if value != last}
-
-
-def _values(name: str, values: Sequence[int]) -> list[int]:
-    # For speed, only suspicious values are checked in full.
-    return [
-        value
-        if type(value) is int and 0 <= value <= 0xFFFF
-        else check_whole(f"{name}[{number}]", value, 0, 0xFFFF)
-        for number, value in enumerate(values)
-    ]
 
 
 class Sender:
@@ -95,15 +84,13 @@ class State(Enum):
 class Reading(NamedTuple):
     """What the task found when it read the ring.
 
-    `repaired` is True if the reader skipped a part of the ring (case c), `stopped` if it stopped
-    before the ring was empty (case a); `lost` is the number of bytes that are never read.
+    Of the `unread` bytes, `lost` are never read. The `event` is empty if the ring was in order.
     """
 
     packets: list[Items]
     unread: int
-    repaired: bool
-    stopped: bool
     lost: int
+    event: Literal["", "ring repaired", "ring stopped", "ring overrun unnoticed"]
 
 
 class Station:
@@ -111,7 +98,8 @@ class Station:
 
     It sends to `partner` or waits for its packet. `turn` increases with every packet sent, and
     whenever the station stops or starts, so that pending events of earlier turns are ignored.
-    `busy_until` is the end of a slow task [s].
+    `busy_until` is the end of a slow task [s]. `unread` is the true number of unread bytes, which
+    the program of the station cannot know.
     """
 
     def __init__(self, name: str, system: System) -> None:
@@ -120,7 +108,7 @@ class Station:
         self.partner = "RCS"
         #: The stations at the other ends of its lines, in the order of a cycle.
         self.partners = tuple(target for source, target in HOPS if source == name)
-        self.ring = Ring(system.ring_size, "intended")
+        self.ring, self.unread = PrintedRing(system.ring_size, empty_is_data=False), 0
         self.parser = system.packet_format.parser()
         self.counters = {other: Counter(system.rule(name)) for other in self.partners}
         self.senders = {other: Sender(system.n_items, system.repeat) for other in self.partners}
@@ -131,15 +119,29 @@ class Station:
         """True if the station begins every exchange."""
         return self.name == "RCS"
 
+    def store(self, byte: int) -> None:
+        """Store a byte in the ring."""
+        self.ring.store(byte)
+        self.unread += 1
+
     def read(self) -> Reading:
         """Read the ring until it is empty or the reader stops, and return what was found."""
-        unread, lost_before = self.ring.unread, self.ring.lost
-        steps = self.ring.drain()
-        repaired = any(step.action == "repair" for step in steps)
-        stopped, lost = steps[-1].action == "stop", self.ring.lost - lost_before
-        return Reading(self.parser.feed(bytes_of(steps)), unread, repaired, stopped, lost)
+        data, repaired, unread = bytearray(), False, self.unread
+        action, byte = self.ring.extract()
+        while action in ("take", "repair"):
+            if byte is not None:
+                data.append(byte)
+            repaired |= action == "repair"
+            action, byte = self.ring.extract()
+        if action == "stop":  # only at the first step, because reading leads to the empty ring
+            return Reading([], unread, 0, "ring stopped")
+        self.unread, lost = 0, unread - len(data)
+        packets = self.parser.feed(bytes(data))
+        if repaired:
+            return Reading(packets, unread, lost, "ring repaired")
+        return Reading(packets, unread, lost, "ring overrun unnoticed" if lost else "")
 
     def next_partner(self) -> None:
         """Make the next station in the cycle the current partner."""
-        place = self.partners.index(self.partner) + 1 if self.partner in self.partners else 0
-        self.partner = self.partners[place % len(self.partners)]
+        following = self.partners.index(self.partner) + 1 if self.partner in self.partners else 0
+        self.partner = self.partners[following % len(self.partners)]

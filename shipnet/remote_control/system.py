@@ -252,31 +252,45 @@ class System:
     packet_format: PacketFormat = part(
         PacketFormat,
         "Packet format, a MarkerFormat or a CobsFormat; its ``n_numbers`` is the number of "
-        "items, the same on all hops", default_factory=MarkerFormat,
-    )  # fmt: skip
+        "items, the same on all hops",
+        default_factory=MarkerFormat,
+    )
     bit_rate: float = number(300, 10e6, "bit/s", "Bit rate", default=9600.0)
     character_bits: int = whole(
-        10, 11, "bit",
+        10,
+        11,
+        "bit",
         "Bits per byte on the line: 10, or 11 with a parity bit or a second stop bit; chung1998 "
-        "does not say which", default=10,
-    )  # fmt: skip
+        "does not say which",
+        default=10,
+    )
     repeat: int = whole(
-        0, 204, "",
+        0,
+        204,
+        "",
         "Number of values that each packet carries in turn, even if they are unchanged; 0 is the "
-        "rule as printed, and ``n_items`` sends all values every time", default=0,
-    )  # fmt: skip
+        "rule as printed, and ``n_items`` sends all values every time",
+        default=0,
+    )
     processing: float = number(
-        0, 10, "s",
+        0,
+        10,
+        "s",
         "Time from the last byte of a packet to the first byte of the response; Fig. 2 shows "
-        "such a time but prints no number", default=0.0,
-    )  # fmt: skip
+        "such a time but prints no number",
+        default=0.0,
+    )
     master: Supervision = part(Supervision, "Rule of RCS", default_factory=Supervision)
     slave: Supervision = part(Supervision, "Rule of BCS and SS", default_factory=Supervision)
     turn_timeout: float | None = number(
-        1e-3, 3600, "s",
+        1e-3,
+        3600,
+        "s",
         "Time after which RCS goes on to the next partner if it has received no response; if None, "
-        "as printed, it waits until it declares the partner failed", default=None, optional=True,
-    )  # fmt: skip
+        "as printed, it waits until it declares the partner failed",
+        default=None,
+        optional=True,
+    )
     ring_size: int = whole(2, 4096, "byte", "Size of the receive ring", default=128)
 
     def __post_init__(self) -> None:
@@ -364,12 +378,17 @@ class System:
         """Return the values that cross the link, with their sources, readers and hops."""
         rows = [
             (
-                value.number, value.name, value.kind, ", ".join(value.sources),
-                ", ".join(value.readers), value.mirrored, value.where,
+                value.number,
+                value.name,
+                value.kind,
+                ", ".join(value.sources),
+                ", ".join(value.readers),
+                value.mirrored,
+                value.where,
                 *(hop in value.hops for hop in HOPS),
             )
             for value in VALUES
-        ]  # fmt: skip
+        ]
         columns = ["number", "name", "kind", "sources", "readers", "mirrored", "where"]
         return pd.DataFrame(rows, columns=columns + [f"{a}-{b}" for a, b in HOPS])
 
@@ -477,10 +496,19 @@ class Timing:
         for rate in BIT_RATES:
             one = replace(self.system, bit_rate=rate)
             margins = (limit - one.max_ticks for limit in limits)
-            rows.append((
-                rate, one.packet_time, one.cycle_time, one.idle_time, one.counted_time,
-                one.fill_time, one.response_time(), one.max_ticks, *margins,
-            ))  # fmt: skip
+            rows.append(
+                (
+                    rate,
+                    one.packet_time,
+                    one.cycle_time,
+                    one.idle_time,
+                    one.counted_time,
+                    one.fill_time,
+                    one.response_time(),
+                    one.max_ticks,
+                    *margins,
+                )
+            )
         columns = ["bit_rate", "packet_s", "cycle_s", "idle_s", "counted_s", "fill_s"]
         columns += ["response_s", "ticks", "printed_margin", "intended_margin"]
         return pd.DataFrame(rows, columns=columns)

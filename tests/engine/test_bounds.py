@@ -4,8 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet.engine.faults import DeadBox, ModbusBreak
+from shipnet.engine.firmware import Firmware
 from shipnet.engine.simulation import simulate
-from shipnet.engine.system import Firmware, System
+from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
 from shipnet.modbus.uart import SerialLine
 

@@ -20,11 +20,18 @@ def test_the_volume_equals_the_reference_table(bits):
         rows = [row for row in csv.DictReader(file) if int(row["bits_per_analog"]) == bits]
     assert [row["jb"] for row in rows] == list(table.index)
     names = {
-        "analog": "analogue", "digital": "switches", "payload_bytes": "bytes",
-        "can_frames": "frames", "bits_nominal": "nominal_bits", "bits_worst_std": "worst_bits",
-        "bits_worst_ext": "worst_extended_bits", "ms_125k": "ms_125k", "ms_250k": "ms_250k",
-        "ms_500k": "ms_500k", "ms_1M": "ms_1000k",
-    }  # fmt: skip
+        "analog": "analogue",
+        "digital": "switches",
+        "payload_bytes": "bytes",
+        "can_frames": "frames",
+        "bits_nominal": "nominal_bits",
+        "bits_worst_std": "worst_bits",
+        "bits_worst_ext": "worst_extended_bits",
+        "ms_125k": "ms_125k",
+        "ms_250k": "ms_250k",
+        "ms_500k": "ms_500k",
+        "ms_1M": "ms_1000k",
+    }
     for row in rows:
         for theirs, ours in names.items():
             if row[theirs]:

@@ -38,9 +38,12 @@ def test_the_printed_system_fails_by_its_single_cpu_and_leaves_five_rules_open()
     found = verdicts(Description.printed())
     assert [rule for rule, verdict in found.items() if verdict == "violated"] == ["CPU duplicated"]
     assert [rule for rule, verdict in found.items() if verdict == "not verified"] == [
-        "supply duplicated", "supply changes over", "memory", "links routed apart",
+        "supply duplicated",
+        "supply changes over",
+        "memory",
+        "links routed apart",
         "retransmission",
-    ]  # fmt: skip
+    ]
     computed = check(Description.printed()).table().set_index("rule").value
     # Request, silence and 5 + 2 x 99 bytes: the poll of a whole box without the final silence.
     assert computed["answer"] == pytest.approx((8 + 3.5 + 203) * 11 / 9600)

@@ -4,9 +4,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.engine.faults import DeadBox
+from shipnet.engine.firmware import Firmware
 from shipnet.engine.run import Cpu
 from shipnet.engine.simulation import simulate
-from shipnet.engine.system import Firmware, System
+from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
 
 
@@ -79,7 +80,7 @@ def test_modbus_interrupts_prolong_the_conversion_but_can_does_not():
 def test_a_cpu_does_one_thing_at_a_time_and_loses_no_work():
     phases = {"JB1": 0.0, "JB2": 0.01, "JB3": 0.02, "AMS": 0.0}
     run = simulate(System(), until=5, phases=phases)
-    table = run.timeline(0.9, 3.2).table()
+    table = run.timeline(0.9, 3.2)
     for _, rows in table.groupby("row"):
         ordered = rows.sort_values("start_ms")
         gaps = ordered["start_ms"].to_numpy()[1:] - ordered["end_ms"].to_numpy()[:-1]
@@ -115,12 +116,12 @@ def test_arguments_out_of_range_are_named(make, message):
 def test_the_timer_marks_a_silent_box_once_and_only_where_values_are_read():
     system = System()
     run = simulate(system, until=20, faults=[DeadBox("JB2", start=10)], phases={"JB2": 0.2})
-    table = run.timeline(0, 20).table().query("task == 'timer'")
+    table = run.timeline(0, 20).query("task == 'timer'")
     # JB1 and JB3 answer the AMS. The last frames of JB2 came from the round before its death.
     assert table["row"].tolist() == ["JB1", "JB3"]
     for mark in table.itertuples():
         assert mark.end_ms - mark.start_ms == pytest.approx(1e3 * system.firmware.mark)
         assert 13.5e3 < mark.start_ms < 14e3
-    assert run.timeline(0, 10).table().query("task == 'timer'").empty
+    assert run.timeline(0, 10).query("task == 'timer'").empty
     corrected = simulate(System.corrected(), until=20, faults=[DeadBox("JB2", start=10)])
-    assert corrected.timeline(0, 20).table().query("task == 'timer'").empty
+    assert corrected.timeline(0, 20).query("task == 'timer'").empty

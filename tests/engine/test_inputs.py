@@ -4,12 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from shipnet.engine.inputs import (
-    WIRE_FAULTS,
-    InputCard,
-    pt100_resistance,
-    pt100_temperature,
-)
+from shipnet.engine.inputs import WIRE_FAULTS, InputCard, pt100_resistance, pt100_temperature
 from shipnet.engine.points import Point, read_points
 from shipnet.errors import ArgumentError
 
@@ -19,9 +14,25 @@ ANALOGUE = np.array([point.analogue for point in POINTS])
 RTD = np.array([point.condition == "RTD" for point in POINTS])
 
 #: Table 1 of IEC 60751, two decimals.
-IEC_60751 = {-200: 18.52, -150: 39.72, -100: 60.26, -50: 80.31, -10: 96.09, 0: 100.0, 10: 103.90,
-             50: 119.40, 100: 138.51, 120: 146.07, 150: 157.33, 200: 175.86, 300: 212.05,
-             400: 247.09, 500: 280.98, 600: 313.71, 850: 390.48}  # fmt: skip
+IEC_60751 = {
+    -200: 18.52,
+    -150: 39.72,
+    -100: 60.26,
+    -50: 80.31,
+    -10: 96.09,
+    0: 100.0,
+    10: 103.90,
+    50: 119.40,
+    100: 138.51,
+    120: 146.07,
+    150: 157.33,
+    200: 175.86,
+    300: 212.05,
+    400: 247.09,
+    500: 280.98,
+    600: 313.71,
+    850: 390.48,
+}
 
 
 def test_resistances_equal_the_table_of_the_standard():

@@ -4,7 +4,7 @@ import pytest
 
 from shipnet.engine import plot
 from shipnet.engine.faults import CanBreak, DeadBox, StuckSensor
-from shipnet.engine.run import SyntheticValues, Timeline
+from shipnet.engine.run import SyntheticValues
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
@@ -40,9 +40,8 @@ def shown(monkeypatch):
 
 
 def test_a_timeline_has_a_row_for_each_cpu_and_line(ax, run):
-    timeline = run.timeline(1.0, 1.5)
-    table = timeline.table()
-    timeline.plot(ax)
+    table = run.timeline(1.0, 1.5)
+    run.plot_timeline(1.0, 1.5, ax)
     rows = [label.get_text() for label in ax.get_yticklabels()]
     assert rows == ["JB1", "JB2", "JB3", "CAN", "channel 1"]
     drawn = sum(len(bars.get_paths()) for bars in ax.collections)
@@ -51,12 +50,12 @@ def test_a_timeline_has_a_row_for_each_cpu_and_line(ax, run):
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
     assert {"Modbus interrupt", "CAN interrupt", "convert", "frame of JB2"} <= set(legend)
     with pytest.raises(ArgumentError, match="table has 0 rows"):
-        Timeline(1.0, 1.5, table.iloc[:0]).plot(ax)
+        run.plot_timeline(50, 51, ax)
 
 
 def test_ages_are_drawn_as_a_sawtooth_with_the_values_of_the_table(ax, run):
-    run.ages("ME-JB2-044").plot(ax, limits={"rule": 2.0}, label="point")
-    ages = run.ages("ME-JB2-044").table()
+    run.plot_ages("ME-JB2-044", ax, limits={"rule": 2.0}, label="point")
+    ages = run.ages("ME-JB2-044")
     saw = ax.lines[0].get_ydata()
     assert np.nanmax(saw) == pytest.approx(ages["last_age_s"].max())
     assert np.nanmax(saw) == pytest.approx(run.table().loc["ME-JB2-044", "worst_s"])

@@ -97,8 +97,11 @@ def test_every_fault_of_a_file_is_named_at_once(tmp_path):
     with pytest.raises(InputError) as caught:
         read_points(file)
     assert [fault.partition(":")[0] for fault in caught.value.faults] == [
-        "row 3", "row 3", "row 4", "row 5",
-    ]  # fmt: skip
+        "row 3",
+        "row 3",
+        "row 4",
+        "row 5",
+    ]
     file.write_text("tag,box,condition,quantity,low,high\nA,B1,RTD,temperature,0,200\n")
     assert read_points(file) == (Point("A", "B1", "RTD", "temperature", 0, 200),)
 

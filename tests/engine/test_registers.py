@@ -51,8 +51,10 @@ def test_collisions_equal_those_of_a_dense_grid(coding):
 
 def test_a_number_includes_the_lower_end_of_its_values_and_not_the_upper_end():
     coding = CODINGS["whole units, 0x00FF"]
-    ends = [Point("A", "M", "4-20 mA", "level", 0, 254.5, "m"),
-            Point("B", "M", "4-20 mA", "level", 255.5, 300, "m")]  # fmt: skip
+    ends = [
+        Point("A", "M", "4-20 mA", "level", 0, 254.5, "m"),
+        Point("B", "M", "4-20 mA", "level", 255.5, 300, "m"),
+    ]
     table = coding.collisions(ends)
     assert coding.encode(ends, [[254.5, 255.5]]).tolist() == [[0xFF, 0x100]]
     assert table["collides"].tolist() == [True, False]

@@ -12,8 +12,9 @@ from shipnet.engine.faults import (
     LostModbusFrames,
     ModbusBreak,
 )
+from shipnet.engine.firmware import Firmware
 from shipnet.engine.simulation import simulate
-from shipnet.engine.system import Firmware, System
+from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
 from shipnet.modbus.uart import SerialLine
 from tests.engine.reference import run_reference
@@ -123,8 +124,8 @@ def test_the_same_generator_gives_the_same_run():
 def test_a_long_run_equals_its_parts():
     # A long run is computed in chunks; rounds do not depend on its length.
     phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.3, "AMS": 0.4}
-    long = simulate(System(), until=5000, phases=phases).ages("ME-JB3-062").table()
-    short = simulate(System(), until=50, phases=phases).ages("ME-JB3-062").table()
+    long = simulate(System(), until=5000, phases=phases).ages("ME-JB3-062")
+    short = simulate(System(), until=50, phases=phases).ages("ME-JB3-062")
     assert long["sampled_s"].head(50).tolist() == short["sampled_s"].tolist()
     assert np.ptp(long["age_s"].to_numpy()) < 1e-6
 

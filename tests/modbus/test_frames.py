@@ -55,32 +55,43 @@ def counted(theirs):
 REQUESTS = {
     1: both(Request.read_coils, counted(bits_of.ReadCoilsRequest), WORD, st.integers(1, 2000)),
     2: both(
-        Request.read_discrete_inputs, counted(bits_of.ReadDiscreteInputsRequest), WORD,
+        Request.read_discrete_inputs,
+        counted(bits_of.ReadDiscreteInputsRequest),
+        WORD,
         st.integers(1, 2000),
     ),
     3: both(
-        Request.read_holding_registers, counted(registers_of.ReadHoldingRegistersRequest), WORD,
+        Request.read_holding_registers,
+        counted(registers_of.ReadHoldingRegistersRequest),
+        WORD,
         st.integers(1, 125),
     ),
     4: both(
-        Request.read_input_registers, counted(registers_of.ReadInputRegistersRequest), WORD,
+        Request.read_input_registers,
+        counted(registers_of.ReadInputRegistersRequest),
+        WORD,
         st.integers(1, 125),
     ),
     5: both(
         Request.write_single_coil,
-        lambda a, v: bits_of.WriteSingleCoilRequest(address=a, bits=[v]), WORD, st.booleans(),
+        lambda a, v: bits_of.WriteSingleCoilRequest(address=a, bits=[v]),
+        WORD,
+        st.booleans(),
     ),
     6: both(
         Request.write_single_register,
-        lambda a, v: registers_of.WriteSingleRegisterRequest(address=a, registers=[v]), WORD, WORD,
+        lambda a, v: registers_of.WriteSingleRegisterRequest(address=a, registers=[v]),
+        WORD,
+        WORD,
     ),
     15: both(Request.write_multiple_coils, bits_of.WriteMultipleCoilsRequest, WORD, coils(1968)),
     16: both(
         Request.write_multiple_registers,
         lambda a, v: registers_of.WriteMultipleRegistersRequest(address=a, registers=v),
-        WORD, words(123),
+        WORD,
+        words(123),
     ),
-}  # fmt: skip
+}
 
 
 def read_bits(function, theirs):
@@ -96,8 +107,10 @@ def read_registers(function, theirs):
 def written(function, most, theirs):
     return both(
         lambda a, n: Response(function, address=a, quantity=n),
-        counted(theirs), WORD, st.integers(1, most),
-    )  # fmt: skip
+        counted(theirs),
+        WORD,
+        st.integers(1, most),
+    )
 
 
 #: Responses, likewise.
@@ -108,19 +121,25 @@ RESPONSES = {
     4: read_registers(4, registers_of.ReadInputRegistersResponse),
     5: both(
         lambda a, v: Request.write_single_coil(a, v).response(),
-        lambda a, v: bits_of.WriteSingleCoilResponse(address=a, bits=[v]), WORD, st.booleans(),
+        lambda a, v: bits_of.WriteSingleCoilResponse(address=a, bits=[v]),
+        WORD,
+        st.booleans(),
     ),
     6: both(
         lambda a, v: Request.write_single_register(a, v).response(),
-        lambda a, v: registers_of.WriteSingleRegisterResponse(address=a, registers=[v]), WORD, WORD,
+        lambda a, v: registers_of.WriteSingleRegisterResponse(address=a, registers=[v]),
+        WORD,
+        WORD,
     ),
     15: written(15, 1968, bits_of.WriteMultipleCoilsResponse),
     16: written(16, 123, registers_of.WriteMultipleRegistersResponse),
     "exception": both(
-        lambda f, e: Response(f, exception=e), TheirException, st.integers(1, 127),
+        lambda f, e: Response(f, exception=e),
+        TheirException,
+        st.integers(1, 127),
         st.sampled_from([1, 2, 3, 4, 5, 6, 8, 10, 11]),
     ),
-}  # fmt: skip
+}
 
 
 def answer(request):

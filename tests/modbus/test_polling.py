@@ -122,12 +122,25 @@ def test_a_dead_slave_costs_its_timeouts_instead_of_its_transaction():
 
 @pytest.mark.parametrize(
     ("n", "registers", "dead", "retries", "rate", "character"),
-    [(1, 1, 0, 0, 9600, "8E1"), (24, 20, 2, 1, 19200, "8E1"), (247, 125, 247, 0, 1200, "8N1"),
-     (5, 126, 1, 3, 115200, "8N2"), (3, 1 << 16, 0, 0, 38400, "8O1")],
-)  # fmt: skip
+    [
+        (1, 1, 0, 0, 9600, "8E1"),
+        (24, 20, 2, 1, 19200, "8E1"),
+        (247, 125, 247, 0, 1200, "8N1"),
+        (5, 126, 1, 3, 115200, "8N2"),
+        (3, 1 << 16, 0, 0, 38400, "8O1"),
+    ],
+)
 def test_a_scan_in_one_line_is_that_of_its_formula(n, registers, dead, retries, rate, character):
-    found = modbus.scan(n, registers=registers, bit_rate=rate, character=character,
-                        processing=3e-3, dead=dead, timeout=3.0, retries=retries)  # fmt: skip
+    found = modbus.scan(
+        n,
+        registers=registers,
+        bit_rate=rate,
+        character=character,
+        processing=3e-3,
+        dead=dead,
+        timeout=3.0,
+        retries=retries,
+    )
     byte = (10 if character == "8N1" else 11) / rate
     silence = 3.5 * byte if rate <= 19200 else 1.75e-3
     parts = [125] * (registers // 125) + [registers % 125] * (registers % 125 > 0)

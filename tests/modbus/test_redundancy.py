@@ -22,16 +22,7 @@ STATUS, ONE = Request.read_input_registers(0, 4), Request.read_holding_registers
 DUST = 1e-9
 
 
-def loop(
-    n=5,
-    *,
-    timeout=0.1,
-    retries=0,
-    move="slave",
-    isolators=False,
-    recheck=60,
-    closed=True,
-):
+def loop(n=5, *, timeout=0.1, retries=0, move="slave", isolators=False, recheck=60, closed=True):
     poll = Poll(STATUS, LINE, timeout=timeout, retries=retries)
     return Loop(n, poll, closed=closed, isolators=isolators, move=move, recheck=recheck)
 
@@ -150,8 +141,10 @@ def test_a_line_that_is_not_closed_has_one_port():
     system = loop(5, closed=False)
     faults = system.single_faults()
     assert {str(f) for f in loop(5).single_faults()} - {str(f) for f in faults} == {
-        "break 5", "short 5", "port B",
-    }  # fmt: skip
+        "break 5",
+        "short 5",
+        "port B",
+    }
     for case in [*((f,) for f in faults), *pairs(system)]:
         reach = system.reach(case)
         assert reach == loop(5).reach([*case, DeadPort("B")])

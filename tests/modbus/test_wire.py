@@ -299,9 +299,12 @@ def test_a_serial_line_has_faults_too():
     double = WireFault("double")
     with serial_pair() as (ours, theirs), serial.Serial(theirs, 19200, timeout=PATIENCE) as port:
         with serve(
-            {1: Slave(holding_registers=[350, 412])}, "rtu", serial_port=ours, line=line,
+            {1: Slave(holding_registers=[350, 412])},
+            "rtu",
+            serial_port=ours,
+            line=line,
             wire_faults=double,
-        ):  # fmt: skip
+        ):
             for _ in range(3):
                 port.write(READ.rtu(1))
                 assert port.read(18) == 2 * RTU.rtu

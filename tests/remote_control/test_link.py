@@ -136,10 +136,15 @@ def test_a_healthy_link_without_changes_raises_alarms_in_reading_b_only():
     assert set(runs["B"].alarms().station) >= {"BCS", "SS"}
 
 
-@pytest.mark.parametrize(("reading", "name", "most"), [
-    ("A", "idle_time", 28), ("B", "idle_time", 21), ("A", "counted_time", 19),
-    ("B", "counted_time", 21),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("reading", "name", "most"),
+    [
+        ("A", "idle_time", 28),
+        ("B", "idle_time", 21),
+        ("A", "counted_time", 19),
+        ("B", "counted_time", 21),
+    ],
+)
 def test_the_items_that_three_seconds_at_600_bit_per_s_allow(reading, name, most):
     systems = [System(MarkerFormat(reading, n), bit_rate=600) for n in (most, most + 1)]
     within, beyond = (getattr(system, name) for system in systems)
@@ -245,12 +250,18 @@ def test_a_stall_overruns_the_ring_after_the_time_of_the_closed_form():
     assert [repairs(stall - byte), repairs(stall + byte)] == [0, 1]
 
 
+def test_a_task_that_finds_two_unread_laps_takes_the_ring_for_empty():
+    # The first response, of 32 bytes, arrives while the task of RCS is busy.
+    form = MarkerFormat(n_numbers=9, crc=True)
+    system, fault = full(packet_format=form, ring_size=16), Stall("RCS", start=0.03, stop=0.1)
+    table = simulate(system, until=0.2, faults=fault).events()
+    assert table[["event", "detail"]].values.tolist()[1:] == [
+        ["ring overrun unnoticed", "32 bytes unread, 32 lost"]
+    ]
+
+
 @settings(max_examples=15)
-@given(
-    seed=st.integers(0, 10**6),
-    corrected=st.booleans(),
-    stall=st.floats(0.01, 3),
-)
+@given(seed=st.integers(0, 10**6), corrected=st.booleans(), stall=st.floats(0.01, 3))
 def test_no_combination_of_faults_stops_the_simulation(seed, corrected, stall):
     form = CobsFormat() if corrected else MarkerFormat("B", numbers="any")
     system = System(form, turn_timeout=0.05, repeat=3)

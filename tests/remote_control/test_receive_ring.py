@@ -36,50 +36,6 @@ def drain(ring):
     raise AssertionError("the reader never rests")
 
 
-class Printed:
-    """The four variables of the paper, which change only as described for Figs 7 to 9."""
-
-    def __init__(self, size, empty_is_data):
-        self.size, self.empty_is_data = size, empty_is_data
-        self.cells = [0] * size
-        self.no = self.ring_f = self.get_no = self.ring_get_f = 0
-
-    def store(self, byte):
-        self.cells[self.no] = byte
-        if self.no == self.size - 1:
-            self.no = 0
-            self.ring_f = 1 if self.ring_f == 0 else 0
-        else:
-            self.no += 1
-
-    def raise_get_no(self):
-        self.get_no += 1
-        if self.get_no == self.size:
-            self.get_no = 0
-            self.ring_get_f = 1 if self.ring_get_f == 0 else 0
-
-    def extract(self):
-        if self.ring_f == self.ring_get_f:
-            if self.no < self.get_no:
-                return "stop", None
-            if self.no == self.get_no and not self.empty_is_data:
-                return "wait", None
-        elif self.no >= self.get_no:
-            if self.no < self.size >> 1:
-                self.get_no = self.size >> 1
-            else:
-                self.get_no = 0
-                self.ring_get_f = 1 if self.ring_get_f == 0 else 0
-            while (self.no, self.ring_f) != (self.get_no, self.ring_get_f):
-                if self.cells[self.get_no] == 0xCC:
-                    break
-                self.raise_get_no()
-            return "repair", None
-        byte = self.cells[self.get_no]
-        self.raise_get_no()
-        return "take", byte
-
-
 OPERATIONS = st.lists(
     st.one_of(st.none(), st.sampled_from([0xCC, 0xDD, 1, 2]), st.integers(1, 40)), max_size=60
 )
@@ -87,18 +43,25 @@ OPERATIONS = st.lists(
 
 @pytest.mark.parametrize("rule", ["printed", "intended"])
 @given(size=st.integers(2, 9), operations=OPERATIONS)
-def test_the_ring_behaves_as_the_four_printed_variables(rule, size, operations):
-    ring, printed = Ring(size, rule), Printed(size, rule == "printed")
+def test_place_and_flag_together_count_modulo_twice_the_size(rule, size, operations):
+    ring, stored, reader = Ring(size, rule), [], 0
     for operation in operations:
-        if operation is None:
-            step = ring.extract()
-            assert (step.action, step.byte) == printed.extract()
-        else:
+        if operation is not None:
             ring.store(operation)
-            printed.store(operation)
-        state = (printed.no, printed.ring_f, printed.get_no, printed.ring_get_f)
-        assert ring.state == state
-        assert ring.cells == bytes(printed.cells)
+            stored.append(operation)
+        else:
+            action, no = ring.extract().action, len(stored) % size
+            if action == "take":
+                reader += 1
+            elif action == "repair":
+                # The reader moves to the first 0xCC of the last lap, or of its second half.
+                oldest = len(stored) - no + (size // 2 - size if no < size // 2 else 0)
+                starts = [k for k in range(oldest, len(stored)) if stored[k] == 0xCC]
+                reader = min(starts, default=len(stored))
+        (ring_f, no), (ring_get_f, get_no) = (
+            divmod(count % (2 * size), size) for count in (len(stored), reader)
+        )
+        assert ring.state == (no, ring_f, get_no, ring_get_f)
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -146,10 +109,12 @@ def test_the_corrected_ring_reads_all_bytes_in_order_but_those_overwritten(size,
 def test_cases_are_those_of_the_data_file():
     table = pd.read_csv(datasets.path("chung1998_ring_states.csv"), dtype=str)
     cases = {
-        ("same" if state.ring_f == state.ring_get_f else "different",
-         "<" if state.no < state.get_no else ">="): state.case
+        (
+            "same" if state.ring_f == state.ring_get_f else "different",
+            "<" if state.no < state.get_no else ">=",
+        ): state.case
         for state in itertools.starmap(State, itertools.product(range(3), (0, 1), range(3), (0, 1)))
-    }  # fmt: skip
+    }
     printed = zip(table.ring_flags, table.no_against_get_no, strict=True)
     assert cases == dict(zip(printed, table.case, strict=True))
 
@@ -378,9 +343,17 @@ def test_errors_name_the_value_and_the_range(make, message):
 def test_all_states_of_the_smallest_ring_are_listed_with_their_columns():
     states = Ring(2, "corrected").explore()
     assert [*states] == [
-        "no", "ring_f", "get_no", "ring_get_f", "unread", "first_lap", "case", "action", "lost",
+        "no",
+        "ring_f",
+        "get_no",
+        "ring_get_f",
+        "unread",
+        "first_lap",
+        "case",
+        "action",
+        "lost",
         "stale",
-    ]  # fmt: skip
+    ]
     assert states["unread"].max() == 6
     full = states[(states["unread"] == 2) & (states["get_no"] == 0) & (states["ring_get_f"] == 0)]
     assert full["first_lap"].tolist() == [False]

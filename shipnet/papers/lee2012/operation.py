@@ -116,7 +116,7 @@ def healthy_boxes_are_not_marked(*, update_period: float = System().update_perio
 def interrupts(*, silent_box: bool = True) -> int:
     """Number of kinds of interrupt that JB1 handles, with JB2 silent or with all boxes healthy."""
     faults = [DeadBox("JB2", start=10.0)] if silent_box else []
-    work = simulate(System(), faults=faults, until=20).timeline(0, 20).table()
+    work = simulate(System(), faults=faults, until=20).timeline(0, 20)
     return len(set(work.loc[work["row"] == "JB1", "task"]) - {"convert", "send"})
 
 
