@@ -239,9 +239,7 @@ def _claims(paper: str | None) -> list[dict[Hashable, Any]]:
     """Return the rows of claims.csv for one paper or all."""
     if paper is not None:
         check_choice("paper", paper, PAPERS)
-    papers = tuple(PAPERS) if paper is None else (paper,)
-    load(papers)
-    return [claim for claim in _rows() if claim["paper"] in papers]
+    return [claim for claim in _rows() if paper in (None, claim["paper"])]
 
 
 def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
@@ -251,12 +249,12 @@ def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
         raise ArgumentError(
             f"no claim has the id {', '.join(unknown)}; ids look like {next(iter(known))!r}"
         )
-    load({str(known[id]["paper"]) for id in ids})
     return [known[id] for id in ids]
 
 
 def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
     """Return one claim with its recomputation, as a row of the ledger."""
+    load([claim["paper"]])
     recomputation = REGISTRY.get(claim["id"])
     computed: Any = recomputation.value if recomputation else None
     difference, outcome = math.nan, ""
@@ -286,9 +284,10 @@ def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
 def _status(claim: Mapping[Hashable, Any]) -> str:
     if claim["kind"] in ("ours", "erratum", "context"):
         return str(claim["kind"])
-    if claim["verdict"] in UNDECIDED or claim["id"] not in REGISTRY:
-        return str(claim["verdict"] if claim["verdict"] in UNDECIDED else "open")
-    return "judged"
+    if claim["verdict"] in UNDECIDED:
+        return str(claim["verdict"])
+    # What a value rests on is stated for each claim that a function computes.
+    return "judged" if claim["basis"] else "open"
 
 
 def _says(row: Mapping[str, Any]) -> str:

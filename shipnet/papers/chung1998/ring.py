@@ -63,9 +63,10 @@ def variables(*, flags: int = 2) -> int:
     )
 
 
-numeric("chung1998-011")(
-    lambda *, places=2, flags=2: len({state.case for state in states(places, flags)})
-)
+@numeric("chung1998-011")
+def cases(*, places: int = 2, flags: int = 2) -> int:
+    """Number of cases that the states of a ring belong to."""
+    return len({state.case for state in states(places, flags)})
 
 
 def shown(rounds: int) -> set[Case]:
@@ -75,8 +76,16 @@ def shown(rounds: int) -> set[Case]:
     return {case for case in cases if table[case].sum()}
 
 
-check("chung1998-012", counter={"rounds": 1})(lambda *, rounds=2: "a" not in shown(rounds))
-check("chung1998-050", counter={"rounds": 2})(lambda *, rounds=1: shown(rounds) == {"b", "d"})
+@check("chung1998-012", counter={"rounds": 1})
+def case_a_never_occurs(*, rounds: int = 2) -> bool:
+    """Whether case a cannot occur while fewer than this many laps are unread."""
+    return "a" not in shown(rounds)
+
+
+@check("chung1998-050", counter={"rounds": 2})
+def normal_cases(*, rounds: int = 1) -> bool:
+    """Whether only cases b and d occur while fewer than this many laps are unread."""
+    return shown(rounds) == {"b", "d"}
 
 
 @check("chung1998-052", counter={"rounds": 2})
@@ -260,8 +269,16 @@ def repair_keeps_a_part(*, items: int = ITEMS) -> bool:
     return True
 
 
-numeric("chung1998-060")(lambda: as_printed().fill_time)
-numeric("chung1998-061")(lambda *, size=SIZE, items=ITEMS: size / length(reading="A", items=items))
+@numeric("chung1998-060")
+def fill_time() -> float:
+    """Time in which received bytes fill the ring [s]."""
+    return as_printed().fill_time
+
+
+@numeric("chung1998-061")
+def packets_in_ring(*, size: int = SIZE, items: int = ITEMS) -> float:
+    """Number of packets that fit into the ring."""
+    return size / length(reading="A", items=items)
 
 
 @numeric("chung1998-015")

@@ -33,7 +33,10 @@ _TABLE = datasets.read("kim2014_rule_table.csv")
 _POSITION_FLAG = "PosFault"
 
 
-numeric("kim2014-024")(lambda: len(rule_base().codes))
+@numeric("kim2014-024")
+def number_of_faults() -> int:
+    """Number of faults that the rules diagnose."""
+    return len(rule_base().codes)
 
 
 @numeric("kim2014-025")
@@ -58,9 +61,10 @@ def distinct_faults(*, equalities: bool = True) -> int:
     return int((~same).sum()) if equalities else len(rows)
 
 
-numeric("kim2014-074")(
-    lambda *, as_printed=True: len(BASE.overlaps("crisp" if as_printed else "midpoint"))
-)
+@numeric("kim2014-074")
+def overlaps(*, as_printed: bool = True) -> int:
+    """Number of pairs of rules that can fire together, as printed or with limits moved."""
+    return len(BASE.overlaps("crisp" if as_printed else "midpoint"))
 
 
 @numeric("kim2014-082")
@@ -204,7 +208,10 @@ def row_is_found_at_both_ends(*, code: str, channel: str, value: float) -> bool:
     return all(is_right(code, codes) for codes in fired(ends))
 
 
-numeric("kim2014-032")(lambda *, end=300.0, below=_ROW_12: end + (_CLOSE - below))
+@numeric("kim2014-032")
+def position_above_the_end(*, end: float = 300.0, below: float = _ROW_12) -> float:
+    """Position as far above `end` as row 12 is below the closed end [%]."""
+    return end + (_CLOSE - below)
 
 
 @check("kim2014-068", counter={"version": "printed"})
@@ -214,9 +221,10 @@ def all_tests_pass(*, version: str = "corrected") -> bool:
     return all(is_right(str(code), codes) for code, codes in found.items())
 
 
-check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})(
-    lambda *, codes=BASE.codes: all(through_registers(code) == code for code in codes)
-)
+@check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})
+def faults_survive_registers(*, codes: tuple[str, ...] = BASE.codes) -> bool:
+    """Whether each of these faults is diagnosed from readings sent in registers."""
+    return all(through_registers(code) == code for code in codes)
 
 
 @check("kim2014-045", counter={"predictor": "stroke time"})

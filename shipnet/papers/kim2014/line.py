@@ -58,7 +58,10 @@ def slaves_of_a_master(*, bits: int = 8) -> int:
     return sum(is_legal(rtu_frame, unit, read) for unit in range(1, 2**bits))
 
 
-numeric("kim2014-047")(lambda *, bits=8: slaves_of_a_master(bits=bits) + 1)
+@numeric("kim2014-047")
+def too_many_valves(*, bits: int = 8) -> int:
+    """Smallest number of valves that one master cannot address."""
+    return slaves_of_a_master(bits=bits) + 1
 
 
 @numeric("kim2014-003")
