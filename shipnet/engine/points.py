@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import check_whole, choice, number, record
+from shipnet.fields import check_fields, check_whole, choice, number, record
 from shipnet.lazy import pd
 from shipnet.signals import SIGNALS, Saving
 from shipnet.tables import read_sheet
@@ -63,6 +63,7 @@ class Point:
     service: str = ""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for field in ("tag", "box", "quantity", "unit", "signal", "service"):
             text = getattr(self, field)
             if not isinstance(text, str) or not text.isprintable() or text != text.strip():

@@ -32,6 +32,7 @@ from shipnet.engine.faults import (
 from shipnet.engine.points import PointList, read_points
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
+    check_fields,
     check_kind,
     check_scalar,
     check_whole,
@@ -226,6 +227,7 @@ class System:
     )  # fmt: skip
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_scalar("timeout", self.timeout, "s", self.shortest_timeout, LONGEST)
         if not 2 <= len(self.boxes) <= 7:
             raise ArgumentError(f"points are in {len(self.boxes)} boxes; there must be 2..7")

@@ -12,7 +12,7 @@ from shipnet.engine.run import Run, Screen
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
-from shipnet.fields import choice, number, record
+from shipnet.fields import check_fields, choice, number, record
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
 
@@ -70,6 +70,7 @@ class EngineFaults(Tool):
     )  # fmt: skip
 
     def __post_init__(self) -> None:
+        check_fields(self)
         chosen = FAULTS[self.fault]
         if chosen is not None and chosen.where not in DESIGNS[self.design].places[chosen.at]:
             raise ArgumentError(f"fault is {self.fault!r}; {self.design!r} has no such cable")

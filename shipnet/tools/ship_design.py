@@ -27,7 +27,7 @@ from shipnet.design.settings import Settings, names
 from shipnet.design.tables import zipped
 from shipnet.design.words import Reading
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import choice, number, record, switch, text
+from shipnet.fields import check_fields, choice, number, record, switch, text
 from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, Upload, View
@@ -193,6 +193,7 @@ class ShipDesign(Tool):
     )  # fmt: skip
 
     def __post_init__(self) -> None:
+        check_fields(self)
         # JSON writes most non-ASCII characters as six characters, and a line break as two.
         beyond = len(self.points.encode("ascii", errors="ignore"))
         size = 6 * (len(self.points) - beyond) + beyond + self.points.count("\n")

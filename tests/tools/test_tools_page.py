@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import check, choice, number, series, switch, text, whole
+from shipnet.fields import check_choice, check_fields, choice, number, part, switch, text, whole
 from shipnet.tools._page import Page, draw_steps, stepper
 from shipnet.tools._view import (
     Button,
@@ -57,10 +57,14 @@ class Toy:
     bus: str = choice(["CAN", "AS-i"], default="CAN", label="bus", help="Which.")
     ring: bool = switch(default=False, label="ring", help="Closed.")
     name: str = text(default="", most=9, label="name", help="Any.")
-    done: tuple[str, ...] = series(["a", "b"], default=(), most=3, label="done", help="So far.")
+    done: tuple[str, ...] = part(tuple, "So far.", default=(), label="done")
 
     def __post_init__(self):
-        check(self)
+        check_fields(self)
+        if len(self.done) > 3:
+            raise ArgumentError(f"there are {len(self.done)} done; the limit is 3")
+        for done in self.done:
+            check_choice("one of done", done, "ab")
         if self.ring and self.bus == "AS-i":
             raise ArgumentError("ring is True; AS-i has none")
 
