@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 import shipnet
 from shipnet import asi, can, datasets, design, line
 from shipnet.__main__ import main
-from shipnet.answers import Answer
 from shipnet.asi.plan_file import read_elements, write_elements
 from shipnet.design.command import save_faults
 from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.rules import RuleSet
 from shipnet.errors import ArgumentError
+from shipnet.results import Answer
 from shipnet.tables import (
     NUMBER,
     as_csv,
