@@ -310,8 +310,12 @@ class _HandIn:
                 given.seek(0)
                 process = _python(
                     f"judge({LIMIT}, {WHOLE})",
-                    stdin=given, stdout=said, stderr=said, cwd=folder, env=environment,
-                )  # fmt: skip
+                    stdin=given,
+                    stdout=said,
+                    stderr=said,
+                    cwd=folder,
+                    env=environment,
+                )
                 with suppress(subprocess.TimeoutExpired):
                     process.wait(1.2 * WHOLE)
                 process.kill()

@@ -248,8 +248,10 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
     can = 2 * (CAN_FRAME * -(-octets // CAN_BYTES) + 8 * octets)
     modbus = MODBUS_CHARACTER * (MODBUS_BYTES + MODBUS_SILENCE + 4 * registers)
     shares = {
-        "as_i": Transaction(2, 2).efficiency(n), "can": 2 * n / can, "modbus_rtu": 2 * n / modbus
-    }  # fmt: skip
+        "as_i": Transaction(2, 2).efficiency(n),
+        "can": 2 * n / can,
+        "modbus_rtu": 2 * n / modbus,
+    }
     return pd.DataFrame(shares, index=pd.Index(n, name="user_bits"))
 
 
@@ -338,11 +340,12 @@ def bent_by_the_end(
     """
     heard = [
         np.abs(
-            line(length, slaves=(place,), terminator=ohm)
-            .network.transfer("0 m", s, to=f"{place:g} m")
+            line(length, slaves=(place,), terminator=ohm).network.transfer(
+                "0 m", s, to=f"{place:g} m"
+            )
         )
         for ohm in (None, 100.0)
-    ]  # fmt: skip
+    ]
     change, weight = heard[0] / heard[1], energy / energy.sum()
     mean = float((weight * change).sum())
     return float(np.sqrt((weight * (change / mean - 1) ** 2).sum()))

@@ -26,10 +26,16 @@ AS_PRINTED = "as printed"
 
 #: Colour of each treatment of a claim: its basis if it is judged, or else the reason why not.
 _COLOURS = {
-    "model": "#0072B2", "arithmetic": "#56B4E9", "count": "#D55E00", "ours": "#009E73",
-    "erratum": "#CC79A7", "context": "#d9d9d9", "not verified": "#b0b0b0",
-    "not reproducible": "#8c8c8c", "open": "#E69F00",
-}  # fmt: skip
+    "model": "#0072B2",
+    "arithmetic": "#56B4E9",
+    "count": "#D55E00",
+    "ours": "#009E73",
+    "erratum": "#CC79A7",
+    "context": "#d9d9d9",
+    "not verified": "#b0b0b0",
+    "not reproducible": "#8c8c8c",
+    "open": "#E69F00",
+}
 TREATMENTS = tuple(_COLOURS)
 
 
@@ -122,9 +128,11 @@ class Ledger:
             number = counts[treatment]
             bars = ax.barh(counts.index, number, left=left, color=colour, label=treatment)
             ax.bar_label(
-                bars, [str(n) if n >= 4 else "" for n in number], label_type="center",
+                bars,
+                [str(n) if n >= 4 else "" for n in number],
+                label_type="center",
                 color="white" if treatment in ("model", "count", "ours") else "black",
-            )  # fmt: skip
+            )
             left = left + number
         ax.invert_yaxis()
         ax.set_xlabel("claims [1]")

@@ -165,8 +165,14 @@ def _clear(axes: Axes) -> None:
 def _words(axes: Axes) -> tuple[str, ...]:
     """Return the text around the axes, which determines the layout."""
     legend = axes.get_legend()
-    texts = [*axes.get_xticklabels(), *axes.get_yticklabels(), axes.title, axes.xaxis.label,
-             axes.yaxis.label, *(legend.get_texts() if legend else ())]  # fmt: skip
+    texts = [
+        *axes.get_xticklabels(),
+        *axes.get_yticklabels(),
+        axes.title,
+        axes.xaxis.label,
+        axes.yaxis.label,
+        *(legend.get_texts() if legend else ()),
+    ]
     return tuple(text.get_text() for text in texts)
 
 

@@ -57,17 +57,26 @@ class EngineFaults(Tool):
     DESIGNS: ClassVar[Mapping[str, System]] = DESIGNS
 
     fault: str = choice(
-        list(FAULTS), default="box dead JB2", label="fault",
+        list(FAULTS),
+        default="box dead JB2",
+        label="fault",
         help=f"The fault begins {START:g} s after the start of the run; JB means junction box.",
-    )  # fmt: skip
+    )
     design: str = choice(
-        list(DESIGNS), default=next(iter(DESIGNS)), label="design",
+        list(DESIGNS),
+        default=next(iter(DESIGNS)),
+        label="design",
         help="The system as printed in lee2012, or with our corrections.",
-    )  # fmt: skip
+    )
     time: float = number(
-        2, _END, default=13.0, unit="s", step=0.25, label="time",
+        2,
+        _END,
+        default=13.0,
+        unit="s",
+        step=0.25,
+        label="time",
         help=f"Time at which the screen is shown; the fault begins at {START:g} s.",
-    )  # fmt: skip
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -35,9 +35,11 @@ class ModbusScan(Tool):
         BIT_RATES, default=9600, unit="bit/s", label="bit rate", help="Bit rate of the line."
     )
     character: str = choice(
-        CHARACTERS, default="8E1", label="character",
+        CHARACTERS,
+        default="8E1",
+        label="character",
         help="Data bits, parity and stop bits. The standard's characters have 11 bits; 8N1 has 10.",
-    )  # fmt: skip
+    )
     slaves: int = whole(
         1, MAX_UNIT, default=31, label="slaves", help="Number of slaves, polled in turn."
     )
@@ -45,33 +47,61 @@ class ModbusScan(Tool):
         1, 125, default=10, label="registers per slave", help="Holding registers to read."
     )
     processing_ms: float = number(
-        0, 500, default=5.0, unit="ms", slider=(0, 100), step=1, label="processing time",
+        0,
+        500,
+        default=5.0,
+        unit="ms",
+        slider=(0, 100),
+        step=1,
+        label="processing time",
         help="Time a slave takes to process a request, in addition to the silences between frames.",
-    )  # fmt: skip
+    )
     dead: int = whole(
-        0, MAX_UNIT, default=0, at_most="slaves", label="dead slaves",
+        0,
+        MAX_UNIT,
+        default=0,
+        at_most="slaves",
+        label="dead slaves",
         help="Slaves that do not respond; each request to one of them costs a full time-out.",
-    )  # fmt: skip
+    )
     timeout_ms: float = number(
-        10, 5000, default=500.0, unit="ms", slider=(10, 3000), step=10, label="response time-out",
+        10,
+        5000,
+        default=500.0,
+        unit="ms",
+        slider=(10, 3000),
+        step=10,
+        label="response time-out",
         help="How long the master waits for a response before it repeats the request or gives up.",
-    )  # fmt: skip
+    )
     retries: int = whole(
         0, 10, default=1, label="retries", help="Number of repeats of an unanswered request."
     )
     limit: float = number(
-        0.1, 60, default=2.0, unit="s", slider=(0.1, 10), step=0.1, label="longest scan",
+        0.1,
+        60,
+        default=2.0,
+        unit="s",
+        slider=(0.1, 10),
+        step=0.1,
+        label="longest scan",
         help="Longest time that the scan may take.",
-    )  # fmt: skip
+    )
 
     @cached_property
     def result(self) -> Scan:
         """The scan."""
         return scan(
-            self.slaves, registers=self.registers, bit_rate=self.bit_rate,
-            character=self.character, processing=1e-3 * self.processing_ms, dead=self.dead,
-            timeout=1e-3 * self.timeout_ms, retries=self.retries, limit=self.limit,
-        )  # fmt: skip
+            self.slaves,
+            registers=self.registers,
+            bit_rate=self.bit_rate,
+            character=self.character,
+            processing=1e-3 * self.processing_ms,
+            dead=self.dead,
+            timeout=1e-3 * self.timeout_ms,
+            retries=self.retries,
+            limit=self.limit,
+        )
 
     def _view(self) -> View:
         found, poll = self.result, self.result.polls[0]

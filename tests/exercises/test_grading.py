@@ -76,21 +76,25 @@ HOSTILE = {
     "deep answer": ("rate_kbit = []\nfor _ in range(9999): rate_kbit = [rate_kbit]", "a number"),
     "hostile answer": ("class Bad:\n __class__ = 1 / 0\nrate_kbit = Bad()", "ZeroDivisionError"),
     "patched check": (
-        "import shipnet.exercises as x\nx.check = lambda *a: True\nrate_kbit = 1e9", "",
+        "import shipnet.exercises as x\nx.check = lambda *a: True\nrate_kbit = 1e9",
+        "",
     ),
     "patched judge": (
         "import shipnet.exercises.exercise as x, json\njson.dumps = lambda *a: '{\"value\": 1e9}'\n"
-        "rate_kbit = 1e9", "",
+        "rate_kbit = 1e9",
+        "",
     ),
     "written to the pipe": (
-        "import os\nfor n in range(3, 9):\n try: os.write(n, b'{\"value\": {\"set\": [[]]}}\\n')\n"
-        " except OSError: pass\nrate_kbit = 1e9", "",
+        'import os\nfor n in range(3, 9):\n try: os.write(n, b\'{"value": {"set": [[]]}}\\n\')\n'
+        " except OSError: pass\nrate_kbit = 1e9",
+        "",
     ),
     "flood of the pipe": (
         "import os, time\nfor n in range(3, 9):\n try:\n  os.write(n, b'7' * (1 << 21))\n"
-        "  os.close(n)\n except OSError: pass\ntime.sleep(20)", "stopped",
+        "  os.close(n)\n except OSError: pass\ntime.sleep(20)",
+        "stopped",
     ),
-}  # fmt: skip
+}
 
 
 #: Those that break the pipe of their own process spoil their other answers too.

@@ -107,8 +107,15 @@ def test_the_docstring_lists_the_declared_fields():
     places = [Line.__doc__.index(title) for title in ("Parameters", "Raises", "Examples")]
     assert places == sorted(places)
     assert list(declared(Line)) == [
-        "length", "slaves", "far", "kind", "closed", "name", "limit", "noise",
-    ]  # fmt: skip
+        "length",
+        "slaves",
+        "far",
+        "kind",
+        "closed",
+        "name",
+        "limit",
+        "noise",
+    ]
 
 
 def test_a_record_works_without_docstrings():

@@ -5,15 +5,21 @@ import sys
 
 #: Packages and modules that model something.
 MODELS = (
-    "asi", "ballast", "can", "clock", "crc", "design", "engine", "fuzzy", "line", "modbus",
+    "asi",
+    "ballast",
+    "can",
+    "clock",
+    "crc",
+    "design",
+    "engine",
+    "fuzzy",
+    "line",
+    "modbus",
     "remote_control",
-)  # fmt: skip
+)
 
 #: What they only read from transcribed tables: a module, or a function of one.
-READERS = (
-    "shipnet.ballast.registers.command_codes",
-    "shipnet.engine.points.read_points",
-)
+READERS = ("shipnet.ballast.registers.command_codes", "shipnet.engine.points.read_points")
 
 
 def defaults_of(recomputation):

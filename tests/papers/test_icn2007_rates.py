@@ -51,8 +51,19 @@ def test_modbus_frames_have_the_length_that_is_counted():
 
 
 def test_can_frames_have_the_length_that_is_counted():
-    fields = {"sof": 1, "identifier": 11, "rtr": 1, "ide": 1, "r0": 1, "dlc": 4, "crc": 15,
-              "crc delimiter": 1, "ack": 2, "eof": 7, "intermission": 3}  # fmt: skip
+    fields = {
+        "sof": 1,
+        "identifier": 11,
+        "rtr": 1,
+        "ide": 1,
+        "r0": 1,
+        "dlc": 4,
+        "crc": 15,
+        "crc delimiter": 1,
+        "ack": 2,
+        "eof": 7,
+        "intermission": 3,
+    }
     empty = sum(fields.values())
     table = bus_efficiencies([64, 72])
     assert table.loc[64, "can"] == pytest.approx(128 / (2 * (empty + 64)))

@@ -221,10 +221,18 @@ def test_flags_of_the_pump_begin_with_pp():
 @pytest.mark.parametrize(
     ("code", "fired"),
     [
-        ("G1", "G1"), ("P1", "P1"), ("P2", "P2"), ("V1", "V1"), ("O1", "O1"), ("S1", "S1 Pos3"),
-        ("Pos1", "Pos1 S1 Pos3"), ("Pos3", "Pos3"), ("Pos4", "Pos4"), ("normal", ""),
+        ("G1", "G1"),
+        ("P1", "P1"),
+        ("P2", "P2"),
+        ("V1", "V1"),
+        ("O1", "O1"),
+        ("S1", "S1 Pos3"),
+        ("Pos1", "Pos1 S1 Pos3"),
+        ("Pos3", "Pos3"),
+        ("Pos4", "Pos4"),
+        ("normal", ""),
     ],
-)  # fmt: skip
+)
 def test_what_fires_beside_the_headline(code, fired):
     row = k_faults.BASE.check(PRINTED.loc[[code]], "crisp").iloc[0]
     # The normal row does not print the speed, which alone could exclude V2.
@@ -234,10 +242,12 @@ def test_what_fires_beside_the_headline(code, fired):
 @pytest.mark.parametrize(
     ("reading", "version", "missed"),
     [
-        ("held", "printed", {"S2", "Pos2"}), ("held", "corrected", set()),
-        ("absent", "printed", {"S2", "Pos2", "V2"}), ("absent", "corrected", set()),
+        ("held", "printed", {"S2", "Pos2"}),
+        ("held", "corrected", set()),
+        ("absent", "printed", {"S2", "Pos2", "V2"}),
+        ("absent", "corrected", set()),
     ],
-)  # fmt: skip
+)
 def test_which_rows_do_not_fire_their_own_rule(reading, version, missed):
     found = k_faults.fired(k_faults.row_inputs(version, reading))
     assert {code for code, codes in found.items() if not k_faults.is_right(code, codes)} == missed

@@ -115,8 +115,10 @@ def test_a_fault_without_severity_is_not_reported_and_the_worst_is():
     assert (table.loc[table["severity"] == 0, "said"] == "nothing").all()
     worst = table[table["severity"] == 1].set_index("fault")["said"]
     assert worst.to_dict() == {
-        "V1": "its own name", "Pos4": "another fault's name", "O1": "its own name",
-    }  # fmt: skip
+        "V1": "its own name",
+        "Pos4": "another fault's name",
+        "O1": "its own name",
+    }
     own = table["said"] == "its own name"
     assert (own == (table["top_fault"] == table["fault"])).all()
 

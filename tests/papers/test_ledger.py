@@ -40,10 +40,21 @@ def table():
 
 
 SOUND = {
-    "id": "kim2014-001", "paper": "kim2014", "where": "1", "kind": "numeric", "claim": "slaves",
-    "value": "256", "unit": "", "precision": "1", "verdict": "agrees", "holds_under": "as printed",
-    "corrected": "", "basis": "model", "evidence": "", "note": "why",
-}  # fmt: skip
+    "id": "kim2014-001",
+    "paper": "kim2014",
+    "where": "1",
+    "kind": "numeric",
+    "claim": "slaves",
+    "value": "256",
+    "unit": "",
+    "precision": "1",
+    "verdict": "agrees",
+    "holds_under": "as printed",
+    "corrected": "",
+    "basis": "model",
+    "evidence": "",
+    "note": "why",
+}
 
 
 def test_every_row_has_what_it_must():
@@ -462,12 +473,7 @@ def test_figures_and_tables():
     assert len(FIGURES) == 72
     assert not FIGURES.duplicated(["paper", "item"]).any()
     assert set(FIGURES["paper"]) == set(PAPERS)
-    assert set(FIGURES["treatment"]) == {
-        "reproduced",
-        "modelled",
-        "redrawn",
-        "not reproducible",
-    }
+    assert set(FIGURES["treatment"]) == {"reproduced", "modelled", "redrawn", "not reproducible"}
     assert (FIGURES["reason"] != "").all()
     for row in FIGURES[FIGURES["notebook"] != ""].itertuples():
         assert row.treatment != "not reproducible"

@@ -176,8 +176,16 @@ LAYOUT = {
 
 #: Consumptions of the same figure: g/BHPh and g/kWh. One pair, 116 and 156, is left out: 116 g/BHPh
 #: are 157.7 g/kWh, and which of the two is misprinted cannot be told.
-CONSUMPTIONS = [(126, 171), (124, 169), (128, 174), (117, 159), (119, 162), (118, 160),
-                (0.7, 0.95), (1.1, 1.5)]  # fmt: skip
+CONSUMPTIONS = [
+    (126, 171),
+    (124, 169),
+    (128, 174),
+    (117, 159),
+    (119, 162),
+    (118, 160),
+    (0.7, 0.95),
+    (1.1, 1.5),
+]
 
 
 @pytest.mark.parametrize("corner", LAYOUT)

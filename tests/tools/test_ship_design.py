@@ -150,8 +150,12 @@ def test_every_mix_is_one_more_option_of_the_points_present(mixed):
 
 
 def test_the_cabinet_is_typed_or_found_or_asked_for():
-    ship = replace(SMALL, points=EXAMPLES["ship"], cabinet=" ", **dict.fromkeys(
-        ("junction_boxes", "asi", "can", "modbus"), False))  # fmt: skip
+    ship = replace(
+        SMALL,
+        points=EXAMPLES["ship"],
+        cabinet=" ",
+        **dict.fromkeys(("junction_boxes", "asi", "can", "modbus"), False),
+    )
     found = ship.result
     assert found.site.cabinet == (26, 6, 14) and "26, 6, 14 m" in ship.numbers["cabinet"]
     assert SMALL.numbers["cabinet"] == "the cabinet is at 10, 0, 8 m"
@@ -205,8 +209,15 @@ def excel(table):
 
 
 def test_a_workbook_becomes_its_points():
-    table = pd.DataFrame({"Tag": ["LS-1", "TT-2"], "Signal": ["limit switch", "Pt100 3-wire"],
-                          "x": [1.5, 2], "y": [0, 0], "z": [3, 4]})  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "Tag": ["LS-1", "TT-2"],
+            "Signal": ["limit switch", "Pt100 3-wire"],
+            "x": [1.5, 2],
+            "y": [0, 0],
+            "z": [3, 4],
+        }
+    )
     taken = from_file(SMALL, "list.xlsx", excel(table))
     assert (taken.name, taken.cabinet) == ("list.xlsx", "")
     made = IoList.parse(taken.points).points

@@ -55,10 +55,15 @@ def test_the_numbers_have_their_units_while_it_moves():
     send(valves, 2, "open")
     valves.time = 4.5
     assert seen(ValveClient(valves=2, valve=2), valves).numbers == {
-        "position": "50 %", "pump pressure": "90 bar", "operating pressure": "2.1 bar",
-        "motor current": "1.2 A", "motor temperature": "50 degC", "motor ran": "4.5 s",
-        "mode": "auto, last command open", "fault reported": "none",
-    }  # fmt: skip
+        "position": "50 %",
+        "pump pressure": "90 bar",
+        "operating pressure": "2.1 bar",
+        "motor current": "1.2 A",
+        "motor temperature": "50 degC",
+        "motor ran": "4.5 s",
+        "mode": "auto, last command open",
+        "fault reported": "none",
+    }
 
 
 def test_refusals_are_shown_as_messages():

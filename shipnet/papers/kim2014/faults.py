@@ -156,10 +156,12 @@ def reading_table() -> pd.DataFrame:
             for ranking in (BASE.ranking, BASE.codes)
         )
         rows[version, reading] = (
-            sum(own[0]), sum(own[1]), int((tests.index == ours).sum()),
+            sum(own[0]),
+            sum(own[1]),
+            int((tests.index == ours).sum()),
             int((tests.index == order).sum()),
             ", ".join(tests.index[~np.array(own[0])]),
-        )  # fmt: skip
+        )
     columns = ["fires", "fuzzy", "our ranking", "table order", "not"]
     return pd.DataFrame(rows, index=columns).T.rename_axis(["inputs", "reading"])
 
@@ -248,9 +250,12 @@ def graded_trials(
     The table is that of `fault_trials`, with a column ``said`` for the diagnosis.
     """
     trials = fault_trials(
-        codes, n_valves=n_valves, severity=np.linspace(0, 1, max(n_valves, 0)),
-        methods=["fuzzy"], rng=rng,
-    ).table()  # fmt: skip
+        codes,
+        n_valves=n_valves,
+        severity=np.linspace(0, 1, max(n_valves, 0)),
+        methods=["fuzzy"],
+        rng=rng,
+    ).table()
     top = trials["top_fault"]
     named = np.where(top == trials["fault"], "its own name", "another fault's name")
     return trials.assign(said=np.where(top == NORMAL, "nothing", named))

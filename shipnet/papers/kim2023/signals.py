@@ -176,9 +176,11 @@ def hamming_distance(crc: Crc, payload: int) -> int:
     first, second = np.triu_indices(single.size, 1)
     double = single[first] ^ single[second]
     passed = [
-        (single == 0).any(), (double == 0).any(), np.isin(double, single).any(),
+        (single == 0).any(),
+        (double == 0).any(),
+        np.isin(double, single).any(),
         np.unique(double).size < double.size,
-    ]  # fmt: skip
+    ]
     return passed.index(True) + 1 if any(passed) else 5
 
 

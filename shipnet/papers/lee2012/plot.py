@@ -78,9 +78,12 @@ def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *
         ax.plot(at * 1e3, base + unit, drawstyle="steps-post", color=f"C{place}", label=name)
         for text, height in ((low, base), (high, base + 1)):
             ax.annotate(
-                f"{text:g}", (1.01, height), xycoords=("axes fraction", "data"),
-                va="center", annotation_clip=False,
-            )  # fmt: skip
+                f"{text:g}",
+                (1.01, height),
+                xycoords=("axes fraction", "data"),
+                va="center",
+                annotation_clip=False,
+            )
         middles.append(base + 0.5)
     ax.set_yticks(middles, labels=list(channels))
     ax.set(xlabel="time [ms]", ylim=(-1.5 * (len(channels) - 1) - 0.25, 1.25))
