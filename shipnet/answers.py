@@ -78,20 +78,20 @@ class Findings:
         for rule, row in self.worst().iterrows():
             if row["verdict"] == "met":
                 continue
-            own = self._table[self._table["rule"] == rule]["verdict"]
-            number = int((own == row["verdict"]).sum())
+            verdicts = self._table[self._table["rule"] == rule]["verdict"]
+            number = int((verdicts == row["verdict"]).sum())
             name, unit = str(rule).replace("_", " "), str(row["unit"])
             unit = "" if unit == "1" else f" {unit}"
             if row["verdict"] == "not verified" or row["margin"] != row["margin"]:
-                said = f"{name}: {row['verdict']} at {row['object']}, {row['why']} ({number})"
+                line = f"{name}: {row['verdict']} at {row['object']}, {row['why']} ({number})"
             else:
                 under = row["value"] < row["low"]
                 limit = f"at least {row['low']:g}" if under else f"at most {row['high']:g}"
-                said = (
+                line = (
                     f"{name}: {row['value']:.4g}{unit} at {row['object']}, {limit}{unit} "
                     f"({number} violated)"
                 )
-            lines.append(said)
+            lines.append(line)
         return lines
 
     def violated(self) -> pd.DataFrame:

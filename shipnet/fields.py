@@ -410,8 +410,8 @@ def _documented(kind: type) -> str | None:
     if "\nRaises\n---" not in docstring:
         section += "\n\nRaises\n------\nArgumentError\n    If a value is out of its range."
     other = re.search(r"\n\n[^\n]+\n---", docstring)
-    place = other.start() if other else len(docstring)
-    return f"{docstring[:place]}{section}{docstring[place:]}\n"
+    end = other.start() if other else len(docstring)
+    return f"{docstring[:end]}{section}{docstring[end:]}\n"
 
 
 _TYPES: Mapping[type, str] = {Number: "float", Whole: "int", Switch: "bool", Text: "str"}

@@ -121,8 +121,8 @@ def same_answer(
 ) -> bool:
     """Whether a standard and an A slave send equal responses or, if `asked`, get equal requests."""
     requests = [Request.data_exchange(21, 0x6, half) for half in halves]
-    said = [request if asked else request.answer(0x6) for request in requests]
-    return said[0].bits == said[1].bits
+    telegrams = [request if asked else request.answer(0x6) for request in requests]
+    return telegrams[0].bits == telegrams[1].bits
 
 
 @numeric("icn2007-025")
@@ -158,8 +158,8 @@ def silent_after_error(*, damaged: bool = True) -> bool:
 @check("icn2007-052", counter={"bits": Request(Call.READ_ID, 3).bits})
 def silent_to_others(*, bits: str = "") -> bool:
     """Whether a synchronous slave ignores requests to other slaves and unknown calls."""
-    asked = [bits] if bits else [Request(Call.READ_ID, 4).bits, UNKNOWN]
-    return all(answer_to(one) == "silence" for one in asked)
+    requests = [bits] if bits else [Request(Call.READ_ID, 4).bits, UNKNOWN]
+    return all(answer_to(one) == "silence" for one in requests)
 
 
 #: Control bit 1, address 3, information 10111: reserved, so not a call of the standard.
@@ -338,7 +338,7 @@ def bent_by_the_end(
     The measure is the standard deviation, divided by the mean, of the ratio of the amplitudes with
     open and with matched end; both are weighted by `energy`.
     """
-    heard = [
+    amplitudes = [
         np.abs(
             line(length, slaves=(place,), terminator=ohm).network.transfer(
                 "0 m", s, to=f"{place:g} m"
@@ -346,7 +346,7 @@ def bent_by_the_end(
         )
         for ohm in (None, 100.0)
     ]
-    change, weight = heard[0] / heard[1], energy / energy.sum()
+    change, weight = amplitudes[0] / amplitudes[1], energy / energy.sum()
     mean = float((weight * change).sum())
     return float(np.sqrt((weight * (change / mean - 1) ** 2).sum()))
 
@@ -461,8 +461,8 @@ def supply_may_be_anywhere(*, supply: float = 0.0) -> bool:
 def robust_on_any_topology(*, longest: float = 100.0) -> bool:
     """Whether all responses are read on the structures of section 4 and on a line this long [m]."""
     plans = [*allowed_plans().values(), line(longest, [0.05 * longest, longest])]
-    heard = [plan.waveform() for plan in plans]
-    return all(bool((wave.receive().bits == wave.bits).all()) for wave in heard)
+    waves = [plan.waveform() for plan in plans]
+    return all(bool((wave.receive().bits == wave.bits).all()) for wave in waves)
 
 
 @check("icn2007-058", counter={"power": 1})

@@ -252,12 +252,12 @@ def _claims(paper: str | None) -> list[dict[Hashable, Any]]:
 
 def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
     """Return the rows of claims.csv with these ids, in the order given."""
-    known = {claim["id"]: claim for claim in _rows()}
-    if unknown := [id for id in ids if id not in known]:
+    by_id = {claim["id"]: claim for claim in _rows()}
+    if unknown := [id for id in ids if id not in by_id]:
         raise ArgumentError(
-            f"no claim has the id {', '.join(unknown)}; ids look like {next(iter(known))!r}"
+            f"no claim has the id {', '.join(unknown)}; ids look like {next(iter(by_id))!r}"
         )
-    return [known[id] for id in ids]
+    return [by_id[id] for id in ids]
 
 
 def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
@@ -319,15 +319,15 @@ def _ours(row: Mapping[str, Any]) -> str:
 
 def _verdict(row: Mapping[str, Any]) -> str:
     """Return the verdict, its condition (unless "as printed"), and why the values differ."""
-    said = str(row["verdict"] or row["kind"])
+    verdict = str(row["verdict"] or row["kind"])
     if row["holds_under"] not in ("", AS_PRINTED):
-        said += f" ({row['holds_under']})"
-    if said.startswith(("agrees", "ours", "context")):
-        return said
+        verdict += f" ({row['holds_under']})"
+    if verdict.startswith(("agrees", "ours", "context")):
+        return verdict
     instead = f"Instead: {row['corrected']}" if row["corrected"] else ""
     # Only the first sentence: a full stop ends it only before a capital, so not in "p. 5".
     why = re.split(r"\.(?:\s+(?=[A-Z])|$)", str(row["note"]))[0]
-    return ". ".join(filter(None, [said, instead, why[:1].upper() + why[1:]]))
+    return ". ".join(filter(None, [verdict, instead, why[:1].upper() + why[1:]]))
 
 
 def format_computed(value: object, published: str = "") -> str:

@@ -37,8 +37,8 @@ def diagram(paper: str, item: str, *, ax: Axes, arrowstyle: str = "->") -> Block
 
     def rows(name: str) -> list[list[str]]:
         table = datasets.read(name)
-        mine = (table.paper == paper) & (table.figure == item)
-        return table.loc[mine].iloc[:, 2:].to_numpy().tolist()
+        chosen = (table.paper == paper) & (table.figure == item)
+        return table.loc[chosen].iloc[:, 2:].to_numpy().tolist()
 
     blocks = {
         name: (text.replace(r"\n", "\n"), colour, float(x), float(y))

@@ -104,21 +104,21 @@ class ModbusScan(Tool):
         )
 
     def _view(self) -> View:
-        found, poll = self.result, self.result.polls[0]
+        result, poll = self.result, self.result.polls[0]
         used = poll.utilisation(self.slaves, self.limit, dead=self.dead)
         return View(
-            verdict=f"{'in time' if found.ok else 'too slow'}: {found.time:.3f} s",
-            ok=bool(found.ok),
+            verdict=f"{'in time' if result.ok else 'too slow'}: {result.time:.3f} s",
+            ok=bool(result.ok),
             numbers={
                 "one slave": f"{1e3 * poll.time:.1f} ms, of which {1e3 * poll.on_wire:.1f} ms "
                 f"are bytes and {2e3 * poll.line.t35:.1f} ms are silence",
                 "a dead slave costs": f"{1e3 * poll.timeout_time:.0f} ms",
                 "scan without dead slaves": f"{poll.scan_time(self.slaves):.3f} s",
-                "scan": f"{found.time:.3f} s",
+                "scan": f"{result.time:.3f} s",
                 "bus time": f"{used.bus_time:.1%}".replace("%", " %"),
                 "capacity used": f"{used.capacity_used:.1%}".replace("%", " %"),
                 "worst response": f"{used.worst_response:.3f} s",
-                "slaves that fit": f"{found.max_slaves}",
+                "slaves that fit": f"{result.max_slaves}",
             },
             plot=self.plot,
             height=3.0,

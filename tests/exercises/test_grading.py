@@ -104,16 +104,16 @@ OWN_LOSS = ("patched judge", "written to the pipe")
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_a_hostile_hand_in_gets_a_verdict_and_spoils_no_other_exercise(kind, tmp_path, monkeypatch):
     monkeypatch.setattr("shipnet.exercises.grading.LIMIT", 2.0)
-    cell, said = HOSTILE[kind]
+    cell, verdict = HOSTILE[kind]
     if "rate_kbit" not in cell:
         cell += "\nrate_kbit = 1"
     other = [RIGHT, 'check("ex-04-3", efficiency_of)']
     write(tmp_path / "hostile.ipynb", ME, cell, *checks(1), *other)
     write(tmp_path / "honest.ipynb", ME.replace("Ann", "Ben"), *other)
     verdicts = of(tmp_path, ["file", "exercise"])
-    found = verdicts["hostile.ipynb", "ex-01-4"]
-    assert said in found
-    assert found not in ("correct", "not solved yet")
+    graded = verdicts["hostile.ipynb", "ex-01-4"]
+    assert verdict in graded
+    assert graded not in ("correct", "not solved yet")
     missing = "NameError: name 'time_us' is not defined"
     assert (verdicts["hostile.ipynb", "ex-01-2"] == missing) or kind in OWN_LOSS
     assert verdicts["honest.ipynb", "ex-04-3"] == "correct"
@@ -160,8 +160,8 @@ def test_a_hand_in_that_ends_its_parent_affects_only_its_own_row(signal, tmp_pat
     write(tmp_path / "a.ipynb", ME, SIGNAL.format(signal), *checks(4))
     write(tmp_path / "b.ipynb", *solution(5, "Ben"))
     grades = grade(str(tmp_path))[0]
-    said = "not graded: its process ended or did not end in time"
-    assert grades["flags"].tolist() == [said, ""]
+    flag = "not graded: its process ended or did not end in time"
+    assert grades["flags"].tolist() == [flag, ""]
     assert grades["points"].tolist() == [0, 4]
 
 

@@ -178,9 +178,9 @@ def test_every_record_checks_its_fields():
     for file in (Path(__file__).parents[2] / "shipnet").rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ClassDef) and "record" in map(_name, node.decorator_list):
-                for own in node.body:
-                    if isinstance(own, ast.FunctionDef) and own.name == "__post_init__":
-                        names = {_name(one) for one in ast.walk(own)}
+                for member in node.body:
+                    if isinstance(member, ast.FunctionDef) and member.name == "__post_init__":
+                        names = {_name(one) for one in ast.walk(member)}
                         assert names & {"check_fields", "__post_init__"}, (
                             f"{file.name}: {node.name}"
                         )

@@ -336,10 +336,10 @@ def test_a_part_that_declares_entities_is_refused():
 def test_an_archive_with_false_sizes_unpacks_no_more_than_it_states(monkeypatch):
     content = parts("<row/>") | {"xl/worksheets/sheet1.xml": " " * 1_000_000}
     data = packed(content)
-    said = (1_000_000).to_bytes(4, "little")
-    assert data.count(said) == 2
+    size = (1_000_000).to_bytes(4, "little")
+    assert data.count(size) == 2
     with pytest.raises(InputError, match="is not an Excel workbook"):
-        read(data.replace(said, (50).to_bytes(4, "little")))
+        read(data.replace(size, (50).to_bytes(4, "little")))
     assert tables._UNPACKED == 2**28
     monkeypatch.setattr(tables, "_UNPACKED", 999_999)
     with pytest.raises(InputError, match="unpacks to more than 999999 bytes"):
@@ -390,12 +390,12 @@ pieces = st.sampled_from(
 @settings(max_examples=150)
 def test_any_sheet_gives_rows_or_an_input_error(sheet):
     try:
-        found = rows(sheet, strings="<si><t>a</t></si>", styles=STYLES("", 14))
+        dated = rows(sheet, strings="<si><t>a</t></si>", styles=STYLES("", 14))
     except InputError as error:
         assert "\n" not in str(error)
         return
-    assert all(type(text) is str for _, cells, _ in found for text in cells)
-    assert [number for number, _, _ in found] == sorted({number for number, _, _ in found})
+    assert all(type(text) is str for _, cells, _ in dated for text in cells)
+    assert [number for number, _, _ in dated] == sorted({number for number, _, _ in dated})
 
 
 @given(st.binary(max_size=300), st.integers(0, 10**6), st.integers(0, 40))

@@ -89,9 +89,9 @@ def rows_of(data):
 @given(st.lists(st.lists(CELL, min_size=2, max_size=2), max_size=4))
 def test_no_cell_of_a_table_begins_a_formula(rows):
     for written in (csv_text(rows), as_csv(pd.DataFrame(rows, columns=["=a", "-b"], dtype=object))):
-        found = rows_of(written)
-        assert not [cell for row in found for cell in row if starts_a_formula(cell)]
-        assert len(found) == len(rows) + isinstance(written, bytes)
+        read = rows_of(written)
+        assert not [cell for row in read for cell in row if starts_a_formula(cell)]
+        assert len(read) == len(rows) + isinstance(written, bytes)
 
 
 @given(TEXT, TEXT)
@@ -282,8 +282,8 @@ def test_a_workbook_has_numbers_where_they_are_read_back_as_they_were(tmp_path):
     save_table(tmp_path / "a.xlsx", pd.DataFrame({"a": cells, "b": "x"}))
     again = read_sheet(tmp_path / "a.xlsx")
     assert [row[0] for _, row in again.rows] == [str(cell or "") for cell in cells]
-    found = openpyxl.load_workbook(tmp_path / "a.xlsx").active["A"][1:]
-    assert [cell.value for cell in found if isinstance(cell.value, int | float)] == [7, -1.5, 2.5]
+    column = openpyxl.load_workbook(tmp_path / "a.xlsx").active["A"][1:]
+    assert [cell.value for cell in column if isinstance(cell.value, int | float)] == [7, -1.5, 2.5]
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".xlsx"])
@@ -331,15 +331,15 @@ WRITERS = {"to_csv", "to_excel", "DictWriter", "ExcelWriter", "Workbook", "write
 
 def test_only_one_module_writes_csv_and_workbooks():
     """`Waveform.save` writes numbers by `savetxt`, under titles of the one writer."""
-    found = set()
+    dangerous = set()
     for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call):
                 name = getattr(node.func, "attr", getattr(node.func, "id", ""))
-                found |= (
+                dangerous |= (
                     {(path.relative_to(PACKAGE).as_posix(), name)} if name in WRITERS else set()
                 )
-    assert found == {
+    assert dangerous == {
         ("tables.py", "writer"),
         ("tables.py", "Workbook"),
         ("line/waveform.py", "savetxt"),
@@ -364,9 +364,9 @@ def test_the_name_of_a_student_cannot_command_the_terminal(tmp_path, capsys, mon
     monkeypatch.setattr("shipnet.exercises.grading.grade", lambda folder: (grades, verdicts))
     files = [tmp_path / f"g{suffix}" for suffix in (".csv", ".xlsx", ".json", "")]
     assert main(["grade", str(tmp_path), *(w for file in files for w in ("-o", str(file)))]) == 0
-    said = capsys.readouterr().out
-    assert SAFE.replace(r"\u000d", r"\r") in said
-    assert not commands(said)
+    output = capsys.readouterr().out
+    assert SAFE.replace(r"\u000d", r"\r") in output
+    assert not commands(output)
     assert main(["grade", str(tmp_path), "--json"]) == 0
     printed = capsys.readouterr().out
     assert not commands(printed)

@@ -24,8 +24,8 @@ READERS = ("shipnet.ballast.registers.command_codes", "shipnet.engine.points.rea
 
 def defaults_of(recomputation):
     """Return every input of a claim's function, with its value for this claim."""
-    known = inspect.signature(recomputation.function).parameters.items()
-    return {name: one.default for name, one in known} | dict(recomputation.inputs)
+    parameters = inspect.signature(recomputation.function).parameters.items()
+    return {name: one.default for name, one in parameters} | dict(recomputation.inputs)
 
 
 def basis_of(recomputation):

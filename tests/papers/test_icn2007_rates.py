@@ -46,8 +46,8 @@ def test_modbus_frames_have_the_length_that_is_counted():
     request = struct.pack(">BBHHHHB", 1, 23, 0, 5, 0, 5, len(data)) + data + b"\0\0"
     response = struct.pack(">BBB", 1, 23, len(data)) + data + b"\0\0"
     characters = len(request) + len(response) + 2 * 3.5
-    found = bus_efficiencies(5 * 16).loc[80, "modbus_rtu"]
-    assert found == pytest.approx(2 * 80 / (11 * characters))
+    efficiency = bus_efficiencies(5 * 16).loc[80, "modbus_rtu"]
+    assert efficiency == pytest.approx(2 * 80 / (11 * characters))
 
 
 def test_can_frames_have_the_length_that_is_counted():

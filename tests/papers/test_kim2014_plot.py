@@ -119,8 +119,8 @@ def test_a_fault_without_severity_is_not_reported_and_the_worst_is():
         "Pos4": "another fault's name",
         "O1": "its own name",
     }
-    own = table["said"] == "its own name"
-    assert (own == (table["top_fault"] == table["fault"])).all()
+    named = table["said"] == "its own name"
+    assert (named == (table["top_fault"] == table["fault"])).all()
 
 
 def test_more_strokes_predict_the_end_of_a_pump_more_closely():

@@ -126,7 +126,7 @@ def datum_is_number_low_high(*, order: tuple[str, ...] = _DATUM) -> bool:
 def flags_at(reading: Literal["A", "B"], items: int) -> list[tuple[int, int]]:
     """Return the position and value of each flag in a packet of this many data items."""
     packet = MarkerFormat(reading, items).encode(dict.fromkeys(range(items), 0))
-    return [(place, byte) for place, byte in enumerate(packet) if byte >= min(FLAGS)]
+    return [(index, byte) for index, byte in enumerate(packet) if byte >= min(FLAGS)]
 
 
 @check("chung1998-037", counter={"flags": (0xCC, 0xEE, 0xDD)})
@@ -150,7 +150,7 @@ def any_subset_can_be_sent(*, numbered: bool = True) -> bool:
     for chosen in choices:
         sent = {number: 1000 + number for number in chosen}
         items = form.decode(form.encode(sent))
-        places = [number if numbered else place for place, (number, _) in enumerate(items)]
+        places = [number if numbered else index for index, (number, _) in enumerate(items)]
         if dict(zip(places, (value for _, value in items), strict=True)) != sent:
             return False
     return True
@@ -251,7 +251,7 @@ def deaths(
     runs, rows = check_whole("n", n, 1, 1000), []
     for name, fields in changes.items():
         system = as_printed(bit_rate=rate, **fields)
-        rng, cycle, found = np.random.default_rng(2024), system.cycle_time, []
+        rng, cycle, reports = np.random.default_rng(2024), system.cycle_time, []
         for k in range(runs):
             # SS fails in the second cycle; the last report comes within four detection times.
             death = (1 + (k + 0.5) / runs) * cycle
@@ -259,8 +259,8 @@ def deaths(
             alarms = simulate(
                 system, until=end, faults=DeadStation("SS", start=death), rng=rng
             ).alarms()
-            found.append(set(zip(alarms["station"], alarms["partner"], strict=True)))
-        rows.append((name, runs, *(sum(pair in seen for seen in found) for pair in pairs)))
+            reports.append(set(zip(alarms["station"], alarms["partner"], strict=True)))
+        rows.append((name, runs, *(sum(pair in seen for seen in reports) for pair in pairs)))
     columns = ["rule", "deaths", *(f"{a} reports {b}" for a, b in pairs)]
     return pd.DataFrame(rows, columns=columns)
 
@@ -341,8 +341,8 @@ def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
     hit = bytearray(stream)
     hit[2 * form.size(2) + place] ^= 1
     parser = form.parser()
-    found = [items[0][1] for items in parser.feed(bytes(hit))]
-    return found == [1, 2, 4, 5] and parser.discarded == form.size(2)
+    turns = [items[0][1] for items in parser.feed(bytes(hit))]
+    return turns == [1, 2, 4, 5] and parser.discarded == form.size(2)
 
 
 @check("chung1998-070", counter={"per_packet": 1})

@@ -60,9 +60,9 @@ def _stations(*, ax: Axes) -> Axes:
             (start + 0.5 * side, y),
             arrowprops={"arrowstyle": "-|>", "color": "0.3"},
         )
-        own = [s.name for s in values_on(source, target) if source in s.sources]
+        sent = [s.name for s in values_on(source, target) if source in s.sources]
         on = [s.name for s in values_on(source, target) if source not in s.sources]
-        text = "\n".join([*own, *(f"({name})" for name in on)]).replace("_", " ")
+        text = "\n".join([*sent, *(f"({name})" for name in on)]).replace("_", " ")
         ax.text(
             (start + end) / 2,
             y + 0.08 * side,
@@ -105,9 +105,9 @@ def _kinds(reading: str, size: int) -> list[str]:
 
 def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:
     """Draw the delay of a switch against the bit rate."""
-    for place, (name, table) in enumerate(tables.items()):
+    for row, (name, table) in enumerate(tables.items()):
         rate = table["bit_rate"].to_numpy(dtype=float)
-        colour = f"C{place}"
+        colour = f"C{row}"
         ax.plot(rate, table["longest_s"], "v", color=colour, label=f"{name}: longest")
         ax.plot(rate, table["mean_s"], "o", mfc="white", color=colour, label=f"{name}: mean")
     ax.plot(rate, table["bound_s"], color=colour, label="bound, all data")

@@ -79,24 +79,24 @@ def silent_pressures(
 def sensors_with_limit(*, limit: float = 2.5) -> int:
     """Number of sensors that the rules compare with this limit."""
     limits = [[term.crisp for term in variable.terms] for variable in rule_base().variables]
-    return sum(any(limit in (one.low, one.high) for one in own) for own in limits)
+    return sum(any(limit in (one.low, one.high) for one in terms) for terms in limits)
 
 
 @check("kim2014-037", counter={"ramps": True})
 def infers_by_degrees(*, ramps: bool = False) -> bool:
     """Whether a rule can fire partially, as printed or with the ramps that we assume."""
     sweep = {"FP": np.linspace(110, 130, 201), "OP": np.full(201, 4.0)}
-    found = BASE.fire(sweep, "fuzzy" if ramps else "crisp").strength
-    return bool(((found > 0) & (found < 1)).any())
+    strength = BASE.fire(sweep, "fuzzy" if ramps else "crisp").strength
+    return bool(((strength > 0) & (strength < 1)).any())
 
 
 @check("kim2014-061", counter={"sensors": ("FP", "OP", "MC", "VPos")})
 def has_both_limits(*, sensors: tuple[str, ...] = tuple(c.name for c in CHANNELS)) -> bool:
     """Whether the rules have, for each sensor, one range above a limit and another below it."""
     for sensor in sensors:
-        said = [term.crisp for term in BASE[sensor].terms]
-        upper = [one.low for one in said if np.isinf(one.high)]
-        if not any(one.high <= limit for limit in upper for one in said):
+        ranges = [term.crisp for term in BASE[sensor].terms]
+        upper = [one.low for one in ranges if np.isinf(one.high)]
+        if not any(one.high <= limit for limit in upper for one in ranges):
             return False
     return True
 
@@ -144,7 +144,7 @@ def reading_table() -> pd.DataFrame:
     for version, reading in product(("printed", "corrected"), READINGS):
         tests = row_inputs(version, reading)
         crisp, fuzzy = (BASE.check(tests, method) for method in ("crisp", "fuzzy"))
-        own = [
+        right = [
             [is_right(*pair) for pair in zip(tests.index, one["fired"], strict=True)]
             for one in (crisp, fuzzy)
         ]
@@ -156,11 +156,11 @@ def reading_table() -> pd.DataFrame:
             for ranking in (BASE.ranking, BASE.codes)
         )
         rows[version, reading] = (
-            sum(own[0]),
-            sum(own[1]),
+            sum(right[0]),
+            sum(right[1]),
             int((tests.index == ours).sum()),
             int((tests.index == order).sum()),
-            ", ".join(tests.index[~np.array(own[0])]),
+            ", ".join(tests.index[~np.array(right[0])]),
         )
     columns = ["fires", "fuzzy", "our ranking", "table order", "not"]
     return pd.DataFrame(rows, index=columns).T.rename_axis(["inputs", "reading"])
@@ -168,8 +168,8 @@ def reading_table() -> pd.DataFrame:
 
 def fired_table(version: str = "printed") -> pd.DataFrame:
     """Return the rules that fire on each row in each reading; ``-`` if none fires."""
-    found = {reading: fired(row_inputs(version, reading)) for reading in READINGS}
-    return pd.DataFrame(found).replace("", "-").rename_axis("row")
+    codes = {reading: fired(row_inputs(version, reading)) for reading in READINGS}
+    return pd.DataFrame(codes).replace("", "-").rename_axis("row")
 
 
 def through_registers(code: str) -> str:
@@ -219,8 +219,8 @@ def position_above_the_end(*, end: float = 300.0, below: float = _ROW_12) -> flo
 @check("kim2014-068", counter={"version": "printed"})
 def all_tests_pass(*, version: str = "corrected") -> bool:
     """Whether each of the 12 rules fires on its own row's inputs, as printed or corrected."""
-    found = fired(row_inputs(version)).drop(NORMAL)
-    return all(is_right(str(code), codes) for code, codes in found.items())
+    fired_codes = fired(row_inputs(version)).drop(NORMAL)
+    return all(is_right(str(code), codes) for code, codes in fired_codes.items())
 
 
 @check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})

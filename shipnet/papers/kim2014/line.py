@@ -165,8 +165,8 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
         data = exchange(time, read.pdu, "read the status")[2:]
         words = [int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2)]
         seen = registers.decode([words]).readings[:, 0]
-        said = [f"{c.name} {x:.3g} {c.unit}" for c, x in zip(CHANNELS, seen, strict=True)]
-        rows[-1] = (*rows[-1][:3], ", ".join(said))
+        values = [f"{c.name} {x:.3g} {c.unit}" for c, x in zip(CHANNELS, seen, strict=True)]
+        rows[-1] = (*rows[-1][:3], ", ".join(values))
     return pd.DataFrame(rows, columns=["time_s", "from", "frame", "says"])
 
 

@@ -42,18 +42,18 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
             ax.plot([1 + shift + (x - 1) * 0.25, x + shift], [1.67, low + 0.35], **pipe)
     bus: dict[str, Any] = {"color": "C0", "lw": 1.2, "label": "_bus"}
     power: dict[str, Any] = {"color": "C1", "lw": 1.2, "label": "_power"}
-    own = places + aside
-    for x in own:
+    beside = places + aside
+    for x in beside:
         ax.plot([x - 0.1] * 2, [low + 1, 1.5], **bus)
         ax.plot([x + 0.1] * 2, [low + 1, 1.65], **power)
-    middle, left, right = 1 + aside, own[0] - 0.35, own[-1] + 0.35
+    middle, left, right = 1 + aside, beside[0] - 0.35, beside[-1] + 0.35
     ax.plot(
         [middle - HALF[0], left, left, right, right, middle + HALF[0]],
         [3, 3, 1.5, 1.5, 3, 3],
         color="C0",
         lw=1.2,
     )
-    ax.plot([own[0] + 0.1, own[-1] + 0.1], [1.65, 1.65], color="C1", lw=1.2)
+    ax.plot([beside[0] + 0.1, beside[-1] + 0.1], [1.65, 1.65], color="C1", lw=1.2)
     ax.plot([middle, middle], [1.65, 1.82], color="C1", lw=1.2)
     ax.text(left + 0.08, 2.55, "closed loop\nof Modbus", color="C0")
     diagram("kim2014", "Fig 1", ax=ax)
@@ -191,13 +191,13 @@ def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
     ax.plot(
         true.time, true.samples["VPos"][:, 0], color="0.6", linewidth=1, label="the valve itself"
     )
-    for place, (number, run) in enumerate(seen.items()):
+    for row, (number, run) in enumerate(seen.items()):
         ax.plot(
             run.time,
             run.samples["VPos"][:, 0],
-            _MARKS[place % len(_MARKS)],
-            color=f"C{place}",
-            markersize=4 + 2 * place,
+            _MARKS[row % len(_MARKS)],
+            color=f"C{row}",
+            markersize=4 + 2 * row,
             label=f"master of {number}",
         )
     ax.set(xlabel="time [s]", ylabel="position [%]")
@@ -207,15 +207,15 @@ def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
 
 def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axes:
     """Draw the age of the oldest position on the screen."""
-    for place, (name, picture) in enumerate(pictures.items()):
+    for row, (name, picture) in enumerate(pictures.items()):
         time = np.arange(0.0, picture.seen.duration, 0.1)
         oldest = picture.seen.ages(time).max(axis=1)
         ax.plot(
             time,
             np.where(np.isfinite(oldest), oldest, np.nan),
-            color=f"C{place}",
+            color=f"C{row}",
             label=name,
-            linewidth=5 - 0.8 * place,
+            linewidth=5 - 0.8 * row,
             alpha=0.9,
         )
     ax.axvline(start, linewidth=1, **style.LIMIT)  # type: ignore[arg-type]

@@ -145,11 +145,11 @@ def least_registers(*, data: int = 2) -> int:
 def names_a_register(*, message: str = "response") -> bool:
     """Whether a message differs between two registers that contain the same value."""
     slave = Slave(input_registers=[0] * 4)
-    said = []
+    messages = []
     for address in (1, 2):
         query = Request(_READ, address, 1).pdu
-        said.append(query if message == "query" else slave.answer(query))
-    return said[0] != said[1]
+        messages.append(query if message == "query" else slave.answer(query))
+    return messages[0] != messages[1]
 
 
 @numeric("kim2014-016", messages=("write query", "write response"))
@@ -230,7 +230,7 @@ def registers_in_order(
     """Whether the four registers of Table 3 contain, in this order, what section 2.1 says."""
     rows = datasets.read("kim2014_table3_read_registers_bits.csv").query("part == 'register'")
     text = rows["name_printed"] + " " + rows["remark_printed"]
-    return all(re.search(what, found) for what, found in zip(contents, text, strict=True))
+    return all(re.search(what, entry) for what, entry in zip(contents, text, strict=True))
 
 
 # The response to a command: at once or, as the paper prints, when the valve has arrived.

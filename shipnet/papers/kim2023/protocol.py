@@ -216,8 +216,8 @@ def table_agrees(*, item: str = "Table 7") -> bool:
 @check("kim2023-052", counter={"shift": 1})
 def references_fit(*, shift: int = 0) -> bool:
     """Whether the words with which the text cites each table occur in that table's caption."""
-    said = {1: "EMC", 2: "steps", 4: "(detail)", 5: "Slave data map", 6: "I/O configuration"}
-    return all(word in _captions()[f"Table {number + shift}"] for number, word in said.items())
+    words = {1: "EMC", 2: "steps", 4: "(detail)", 5: "Slave data map", 6: "I/O configuration"}
+    return all(word in _captions()[f"Table {number + shift}"] for number, word in words.items())
 
 
 @check("kim2023-094", counter={"codes": (0xA,)})
@@ -268,17 +268,17 @@ def differences(item: str) -> pd.DataFrame:
     A row that is in only one of the two tables is listed once, with an empty column name.
     """
     theirs, ours = printed(item), table(item)
-    found = []
+    rows = []
     for row in ours.index.union(theirs.index, sort=False):
         if row not in theirs.index or row not in ours.index:
             pair = ("a row", "no row") if row in theirs.index else ("no row", "a row")
-            found.append((item, row, "", *pair))
+            rows.append((item, row, "", *pair))
             continue
         for column in ours.columns:
             pair = theirs.loc[row, column], ours.loc[row, column]
             if pair[0] != pair[1]:
-                found.append((item, row, column, *pair))
-    cells = pd.DataFrame(found, columns=["table", "row", "column", "printed", "ours"])
+                rows.append((item, row, column, *pair))
+    cells = pd.DataFrame(rows, columns=["table", "row", "column", "printed", "ours"])
     reasons = datasets.read("kim2023_table_differences.csv")
     return cells.merge(reasons, on=["table", "row", "column"], how="left")
 
@@ -434,8 +434,8 @@ def moves(*, target: str = "9") -> bool:
 def codes_tell_apart(*, labels: tuple[str, str] = ("1A", "1B")) -> bool:
     """Whether the master reads different ID codes 1 from two slaves with these labels."""
     slaves = [Slave(label, id1=k) for label, k in zip(labels, (1, 2), strict=True)]
-    asked = [(0.05, ReadCodes(label)) for label in sorted(set(labels))]
-    run = simulate(slaves, until=0.2, commands=asked)
+    commands = [(0.05, ReadCodes(label)) for label in sorted(set(labels))]
+    run = simulate(slaves, until=0.2, commands=commands)
     answers = run.events().query("time_s > 0.05 and call == 'READ_ID1' and outcome == 'ok'")
     return len(set(answers["response_data"])) == 2
 
@@ -453,8 +453,8 @@ def outputs_are_reset(*, silence: float = 0.06) -> bool:
 def reset_is_acknowledged(*, call: Call = Call.RESET) -> bool:
     """Whether a slave responds to this call with 6 and keeps its address."""
     slave = Slave("21")
-    asked = slave.listen(["", Request(call, 21).bits, "", Request(Call.READ_ID, 21).bits])["answer"]
-    return ": 6" in asked.iloc[1] and asked.iloc[3] != "silence"
+    table = slave.listen(["", Request(call, 21).bits, "", Request(Call.READ_ID, 21).bits])
+    return ": 6" in table["answer"].iloc[1] and table["answer"].iloc[3] != "silence"
 
 
 #: Addresses of five slaves.

@@ -38,8 +38,8 @@ def louder_far_from_supply(*, near: float = 5.0, far: float = 100.0) -> bool:
 @check("kim2023-077", counter={"supply": 60.0})
 def above_supply(*, slave: float = 30.0, supply: float = 30.0) -> bool:
     """Whether the voltage at a slave that sends on a 30 V line rises above `supply`."""
-    place = 100.0
-    plan = line(100, slaves=(place,), master=place, supply=0)
+    position = 100.0
+    plan = line(100, slaves=(position,), master=position, supply=0)
     return bool(slave + plan.waveform(Response(0x6)).u.max() > supply)
 
 
@@ -98,8 +98,10 @@ def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
     low = np.full((2, 14), 1 - difference)
     low[0, 1], low[1, 2:] = 1, 1
     u = train_of(2 * Modulation(sent).pulses.signs[:, np.newaxis] * low)
-    heard = [receive(u, STEP, 7, threshold=threshold, matched=False) for threshold in (0.45, 0.55)]
-    return all(bool((one.bits == sent[:, np.newaxis]).all()) for one in heard)
+    received = [
+        receive(u, STEP, 7, threshold=threshold, matched=False) for threshold in (0.45, 0.55)
+    ]
+    return all(bool((one.bits == sent[:, np.newaxis]).all()) for one in received)
 
 
 @check("kim2023-024", counter={"overshoot": 0.4})
@@ -114,16 +116,16 @@ def copes_with_overshoot(*, overshoot: float = 0.3) -> bool:
     heights = np.where(pulses != 0, pulses, np.stack([swing, -swing])[:, np.newaxis])
     heights[..., 0] = 0
     heights[..., 1] *= 0.65
-    heard = receive(train_of(2 * heights), STEP, 7, matched=False)
-    return bool((heard.error == 0).all() and (heard.bits == sent).all())
+    received = receive(train_of(2 * heights), STEP, 7, matched=False)
+    return bool((received.error == 0).all() and (received.bits == sent).all())
 
 
 @check("kim2023-098", counter={"length": 200.0})
 def copes_with_open_end(*, length: float = 100.0) -> bool:
     """Whether all responses along an unterminated cable stay within both tolerances."""
     wave = line(length, slaves=(0.05 * length, 0.5 * length, length)).waveform()
-    heard = wave.receive()
-    return bool(heard.within_tolerance.all() and (heard.bits == wave.bits).all())
+    received = wave.receive()
+    return bool(received.within_tolerance.all() and (received.bits == wave.bits).all())
 
 
 @check("kim2023-095", counter={"part": "inductor"})
@@ -194,8 +196,8 @@ def error_classes(*, faults: int = 3) -> int:
         for places in combinations(range(sent.shape[1]), n)
         for steps in product((1, 2), repeat=n)
     ]
-    heard = (sent + np.array(changes, np.int8)[:, np.newaxis] + 1) % 3 - 1
-    return len(set(Pulses(heard).check()[1].ravel().tolist()) - {0})
+    received = (sent + np.array(changes, np.int8)[:, np.newaxis] + 1) % 3 - 1
+    return len(set(Pulses(received).check()[1].ravel().tolist()) - {0})
 
 
 def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:

@@ -197,7 +197,7 @@ def joins_frames(*, gap: float = 3.0) -> bool:
 def crc_finds(*, others: tuple[int, ...] = ()) -> bool:
     """Whether the CRC detects all one- and two-bit errors of a request, and the `others`."""
     frame = read(POINTS).rtu(JB1)
-    bits = [1 << place for place in range(8 * len(frame))]
+    bits = [1 << bit for bit in range(8 * len(frame))]
     patterns = [*bits, *(a | b for a, b in combinations(bits, 2)), *map(_as_sent, others)]
     value = int.from_bytes(frame, "little")
     return not any(is_legal(decode, (value ^ p).to_bytes(len(frame), "little")) for p in patterns)
@@ -279,8 +279,8 @@ def asks_and_sends_again(*, timeout: float = System().timeout) -> bool:
     sent = simulate(TOGETHER, 125e3, until=0.5, faults=ErrorAt(100e-6)).events()
     on_can = sent["retries"].max() > 0 and (sent["outcome"] == "sent").all()
     lost, rng = [LostModbusFrames("1", request=1.0)], np.random.default_rng(0)
-    asked = simulate_engine(System(timeout=timeout), faults=lost, until=5, rng=rng).requests()
-    return bool(on_can and np.diff(asked["time_s"])[0] <= RULE)
+    requests = simulate_engine(System(timeout=timeout), faults=lost, until=5, rng=rng).requests()
+    return bool(on_can and np.diff(requests["time_s"])[0] <= RULE)
 
 
 @check("lee2012-041", counter={"ohm": None})

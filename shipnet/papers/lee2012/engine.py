@@ -136,15 +136,16 @@ def junction_boxes(*, with_current_loops: bool = False) -> int:
     """Number of junction boxes in Table 3: all of them, or only those with 4-20 mA inputs."""
     boxes = read_points().by_box().values()
     return sum(
-        any(p.condition == CONDITIONS[1] for p in own) or not with_current_loops for own in boxes
+        any(p.condition == CONDITIONS[1] for p in points) or not with_current_loops
+        for points in boxes
     )
 
 
 @numeric("lee2012-086")
 def modes(*, boxes: tuple[str, ...] = ("JB1", "JB2", "JB3")) -> int:
     """Number of different input sets of these boxes; a common box design needs a mode for each."""
-    own = read_points().by_box()
-    return len({tuple((p.condition, p.low, p.high) for p in own[box]) for box in boxes})
+    by_box = read_points().by_box()
+    return len({tuple((p.condition, p.low, p.high) for p in by_box[box]) for box in boxes})
 
 
 @numeric("lee2012-087")
@@ -162,8 +163,8 @@ def hardwired_conductors(*, rtd: int = 3, loop: int = 2, switch: int = 2) -> int
 @check("lee2012-065", counter={"segments": 100, "segment_wires": 8})
 def buses_need_less(*, segments: int = 3, segment_wires: int = 2) -> bool:
     """Whether the two buses need fewer conductors than separately wired sensors."""
-    found = read_points().conductors(segments=segments, segment_wires=segment_wires)
-    return found.bus < found.hardwired
+    conductors = read_points().conductors(segments=segments, segment_wires=segment_wires)
+    return conductors.bus < conductors.hardwired
 
 
 def conductors_by_cylinders(cylinders: range = range(4, 9)) -> list[int]:
@@ -187,7 +188,7 @@ def grows_geometrically(*, wiring: tuple[int, ...] = ()) -> bool:
 def enough_inputs(*, condition: str, inputs: int) -> bool:
     """Whether this many converter inputs are enough for every box's sensors of one kind."""
     boxes = read_points().by_box().values()
-    return max(sum(point.condition == condition for point in own) for own in boxes) <= inputs
+    return max(sum(point.condition == condition for point in points) for points in boxes) <= inputs
 
 
 @check("lee2012-050", counter={"volts": (0.0, 5.0)})

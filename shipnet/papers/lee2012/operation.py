@@ -152,10 +152,10 @@ def _trace(frames: list[bytes], begins: list[float], end: float) -> Trace:
 
 def switch_over_scope(system: System, *, cut: float = 1.5, end: float = 3.4) -> dict[str, Trace]:
     """Return the AMS's requests on both channels, with channel 1 cut at `cut` [s]: Fig 12(b)."""
-    asked = simulate(system, faults=ModbusBreak("1", start=cut), until=end).requests()
+    requests = simulate(system, faults=ModbusBreak("1", start=cut), until=end).requests()
     traces = {}
     for channel, unit in ((1, JB1), (2, JB3)):
-        begins = asked.loc[asked["channel"] == channel, "time_s"].tolist()
+        begins = requests.loc[requests["channel"] == channel, "time_s"].tolist()
         request = read(system.registers).rtu(unit)
         traces[f"Tx of channel {channel}"] = _trace([request] * len(begins), begins, end)
     return traces
