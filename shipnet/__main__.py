@@ -12,9 +12,9 @@ from importlib.resources import files
 from textwrap import shorten
 from typing import Any, NoReturn, TextIO
 
-from shipnet.answers import FORMS, Answer, check_output, encodable, printable
 from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.lazy import pd
+from shipnet.results import FORMS, Answer, check_output, encodable, printable
 
 #: Columns of the transactions on the terminal: title, name, width and digits.
 _TRANSACTION = (

@@ -6,7 +6,7 @@ from math import inf
 from typing import Any
 
 from shipnet.errors import ArgumentError
-from shipnet.fields import number, record
+from shipnet.fields import check_fields, number, record
 
 #: A time later than all others [ns].
 NEVER = 1 << 62
@@ -25,6 +25,7 @@ class Fault:
     stop: float = number(0, inf, "s", "End of the fault, after `start`", default=inf, kw_only=True)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not self.start < self.stop:
             raise ArgumentError(
                 f"stop is {self.stop:g} s; it must be after start, {self.start:g} s"

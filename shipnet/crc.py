@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError, SymbolError
-from shipnet.fields import check_whole, record, switch, text, whole
+from shipnet.fields import check_fields, check_whole, record, switch, text, whole
 
 __all__ = ["CAN", "MODBUS", "Crc"]
 __dir__ = __all__.copy
@@ -68,6 +68,7 @@ class Crc:
     reflected: bool = switch("Whether the lowest bit comes first", default=False)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("polynomial", "init", "xorout"):
             check_whole(name, getattr(self, name), 0, 2**self.width - 1, f", {self.width} bits")
 

@@ -9,11 +9,28 @@ from importlib import import_module
 from typing import Any, ClassVar
 
 __all__ = [
-    "AcknowledgeError", "AlternationError", "ArgumentError", "CrcError", "EndBitError",
-    "FieldError", "FormError", "FrameError", "InformationError", "InputError", "LengthError",
-    "MismatchError", "ParityError", "PauseError", "SilenceError", "StartBitError", "StuffError",
-    "SymbolError", "UnknownCallError", "load_extra", "name_of",
-]  # fmt: skip
+    "AcknowledgeError",
+    "AlternationError",
+    "ArgumentError",
+    "CrcError",
+    "EndBitError",
+    "FieldError",
+    "FormError",
+    "FrameError",
+    "InformationError",
+    "InputError",
+    "LengthError",
+    "MismatchError",
+    "ParityError",
+    "PauseError",
+    "SilenceError",
+    "StartBitError",
+    "StuffError",
+    "SymbolError",
+    "UnknownCallError",
+    "load_extra",
+    "name_of",
+]
 __dir__ = __all__.copy
 
 #: Maximum lengths of a fault, a message and a quoted value [characters]; the middle of longer ones
@@ -193,8 +210,9 @@ class InputError(ValueError):
 #: A fault with its place: "row" or "line", its number, and text that may quote a wrong value.
 _PLACED = re.compile(
     r"(row|line) (\d{1,9})([,:][^'\"]*?: )('[^']*'|\"[^\"]*\")(; .*)|"
-    r"(row|line) (\d{1,9})([,:].*)", re.DOTALL,
-)  # fmt: skip
+    r"(row|line) (\d{1,9})([,:].*)",
+    re.DOTALL,
+)
 
 #: How many runs of rows, and how many values, a group of faults lists before "... more".
 _RUNS, _VALUES = 5, 5

@@ -1,18 +1,18 @@
-"""Fields that declare their range, unit and meaning in one place.
+"""Numbers that are declared once, with unit, range and meaning.
 
-The check, its error text, the documentation, the settings file and the widget are derived from the
-declaration. The functions ``check_...`` check single arguments and raise errors of the same form.
+The check of a value, its error text, the documentation, the settings file and the widget are
+derived from the declaration. The functions ``check_...`` check single arguments in the same words.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import cache
 from inspect import cleandoc
 from math import inf, isnan
-from numbers import Real
-from operator import index
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, dataclass_transform, overload
 
 from shipnet.errors import ArgumentError
@@ -32,55 +32,61 @@ Quantity: TypeAlias = "float | npt.NDArray[np.float64]"
 
 def _legal(low: float, high: float, unit: str) -> str:
     """Return a range in words."""
-    behind = f" {unit}" if unit else ""
-    return f"{low:g}..{high:g}{behind}"
+    return f"{low:g}..{high:g} {unit}".rstrip()
+
+
+def _is_number(value: Any) -> bool:
+    """Return whether a value is a single real number; a bool does not count as one."""
+    # A float is by far the most frequent, and the test for `Real` is slow.
+    return type(value) is float or (isinstance(value, Real) and not isinstance(value, bool))
+
+
+def check_scalar(
+    what: str, value: Any, unit: str, low: float, high: float, rule: str = "it must be"
+) -> float:
+    """Return a value as a float, or raise if it is not a single number or is out of range."""
+    if not (_is_number(value) and low <= value <= high):
+        short = _is_number(value) and not 1e300 < abs(value) < inf
+        text = f"{float(value):g} {unit}".rstrip() if short else repr(value)
+        raise ArgumentError(f"{what} is {text}; {rule} {_legal(low, high, unit)}")
+    return float(value)
 
 
 def check_quantity(what: str, value: Any, unit: str, *, low: float = 0.0, high: float) -> Quantity:
     """Return a value as a float or a read-only array of floats, or raise if it is out of range."""
-    # A network has hundreds of such numbers, so checking a legal one must take only 1 us.
-    if type(value) in (float, int) and low <= value <= high:
-        return float(value)
+    if isinstance(value, Real):
+        return check_scalar(what, value, unit, low, high)
     import numpy as np  # slow to import, and rarely needed here
 
     legal = _legal(low, high, unit)
     try:
-        array = np.asarray(value)
+        array = np.array(value)
         if array.dtype.kind not in "iuf" or array.ndim > 1 or array.size == 0:
             raise ValueError
     except (TypeError, ValueError, OverflowError):
         raise ArgumentError(
             f"{what} is {value!r}; it must be a number or a 1-D array of numbers, {legal}"
         ) from None
+    if array.ndim == 0:
+        return check_scalar(what, array.item(), unit, low, high)
     array = array.astype(float)
     good = (array >= low) & (array <= high)
     if not good.all():
-        where = "" if array.ndim == 0 else f" in tree {int(np.argmin(good))}"
-        worst = float(array.reshape(-1)[np.argmin(good)])
-        given = f"{worst:g} {unit}".rstrip()
-        raise ArgumentError(f"{what} is {given}{where}; it must be {legal}")
-    if array.ndim == 0:
-        return float(array)
+        tree = int(np.argmin(good))
+        value = f"{array[tree]:g} {unit}".rstrip()
+        raise ArgumentError(f"{what} is {value} in tree {tree}; it must be {legal}")
     array.flags.writeable = False
     return array
 
 
-def check_scalar(what: str, value: Any, unit: str, low: float, high: float) -> float:
-    """Return a value as a float, or raise if it is not a single number or is out of range."""
-    number = check_quantity(what, value, unit, low=low, high=high)
-    if not isinstance(number, float):
-        raise ArgumentError(f"{what} is {value!r}; it must be a single number")
-    return number
-
-
-def check_trees(what: str, known: int | None, *values: Quantity | None) -> int | None:
-    """Return how many Monte Carlo trees `values` describe, or `known` if none is an array."""
+def check_trees(what: str, trees: int | None, *values: Quantity | None) -> int | None:
+    """Return how many Monte Carlo trees `values` describe, or `trees` if none is an array."""
     for value in values:
         if value is not None and not isinstance(value, float):
-            if known is not None and len(value) != known:
-                raise ArgumentError(f"{what} has values for {len(value)} trees, others for {known}")
-            known = len(value)
-    return known
+            if trees is not None and len(value) != trees:
+                raise ArgumentError(f"{what} has values for {len(value)} trees, others for {trees}")
+            trees = len(value)
+    return trees
 
 
 def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> int:
@@ -88,23 +94,16 @@ def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> in
 
     `why` ends the message. A bool does not count as a number.
     """
-    if type(value) is int and low <= value <= high:
-        return value
-    try:
-        whole = None if isinstance(value, bool) else index(value)
-    except TypeError:
-        whole = int(value) if isinstance(value, Real) and value % 1 == 0 else None
-    if whole is None or not low <= whole <= high:
+    if not (_is_number(value) and low <= value <= high and value % 1 == 0):
         raise ArgumentError(f"{name} is {value!r}; it must be a whole number {low}..{high}{why}")
-    return whole
+    return int(value)
 
 
 def check_choice(name: str, value: Any, options: Iterable[str]) -> str:
     """Return a value, or raise if it is not one of the given strings."""
-    known = tuple(options)
-    if not (isinstance(value, str) and value in known):
-        legal = ", ".join(map(repr, known))
-        raise ArgumentError(f"{name} is {value!r}; it must be one of {legal}")
+    legal = tuple(options)
+    if not (isinstance(value, str) and value in legal):
+        raise ArgumentError(f"{name} is {value!r}; it must be one of {', '.join(map(repr, legal))}")
     return value
 
 
@@ -161,61 +160,53 @@ class Kind:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Number(Kind):
-    """A number; `shown` is the range of its slider.
-
-    `missing` makes NaN legal; `many` allows an array with one value per Monte Carlo tree.
-    """
-
+class _Ranged(Kind):
     low: float
     high: float
-    step: float = 1.0
     shown: tuple[float, float]
-    missing: bool = False
-    many: bool = False
 
     @property
     def legal(self) -> str:
         """The range."""
         return _legal(self.low, self.high, "")
 
-    def _check(self, name: str, value: Any, record: Any) -> Any:
-        if self.many:
-            return check_quantity(name, value, self.unit, low=self.low, high=self.high)
-        if type(value) is float and self.low <= value <= self.high:
-            return value  # most values take this fast path
-        plain = isinstance(value, Real) and not isinstance(value, bool)
-        if self.missing and plain and isnan(value):
-            return float(value)
-        self._within(name, value, plain, self.low, self.high, "it must be")
-        return float(value)
-
     def check_shown(self, name: str, value: Any) -> None:
         """Raise ArgumentError if the value is outside the range of the slider."""
-        self._within(name, value, True, *self.shown, "its slider shows")
-
-    def _within(
-        self, name: str, value: Any, plain: bool, low: float, high: float, rule: str
-    ) -> None:
-        if not (plain and low <= value <= high):
-            unit = f" {self.unit}" if self.unit else ""
-            given = f"{value:g}{unit}" if plain and not abs(value) > 1e300 else repr(value)
-            raise ArgumentError(f"{name} is {given}; {rule} {_legal(low, high, self.unit)}")
+        check_scalar(name, value, self.unit, *self.shown, "its slider shows")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Whole(Kind):
+class Number(_Ranged):
+    """A number; `shown` is the range of its slider.
+
+    `missing` makes NaN legal; `many` allows an array with one value per Monte Carlo tree.
+    """
+
+    step: float = 1.0
+    missing: bool = False
+    many: bool = False
+
+    def _check(self, name: str, value: Any, record: Any) -> Any:
+        if self.many:
+            return check_quantity(name, value, self.unit, low=self.low, high=self.high)
+        if self.missing and isinstance(value, Real) and not isinstance(value, Integral):
+            if isnan(value):
+                return float(value)
+        return check_scalar(name, value, self.unit, self.low, self.high)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Whole(_Ranged):
     """A whole number, without a slider if `typed`; an earlier field, `at_most`, may limit it."""
 
     low: int
     high: int
-    shown: tuple[int, int]
     at_most: str = ""
     typed: bool = False
 
     @property
     def legal(self) -> str:
-        """The range."""
+        """The range, with all digits."""
         return f"{self.low}..{self.high}"
 
     def _check(self, name: str, value: Any, record: Any) -> int:
@@ -224,12 +215,6 @@ class Whole(Kind):
         other = getattr(record, self.at_most)
         why = f", because {self.at_most} is {other}"
         return check_whole(name, value, self.low, min(self.high, other), why)
-
-    def check_shown(self, name: str, value: Any) -> None:
-        """Raise ArgumentError if the value is outside the range of the slider."""
-        low, high = self.shown
-        if not low <= value <= high:
-            raise ArgumentError(f"{name} is {value}; its slider shows {low}..{high}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,10 +230,9 @@ class Choice(Kind):
         return ", ".join(map(repr, self.options))
 
     def _check(self, name: str, value: Any, record: Any) -> Any:
-        plain = isinstance(value, str | Real) and not isinstance(value, bool)
-        if not (plain and value in self.options):
+        if not ((isinstance(value, str) or _is_number(value)) and value in self.options):
             raise ArgumentError(f"{name} is {value!r}; it must be one of {self.legal}")
-        return next(one for one in self.options if one == value)  # 8 if 8.0 is given
+        return next(option for option in self.options if option == value)  # 8 if 8.0 is given
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -285,29 +269,6 @@ class Text(Kind):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Series(Kind):
-    """At most `most` strings from `known`, which may repeat; the controls are buttons."""
-
-    known: tuple[str, ...]
-    most: int
-
-    @property
-    def legal(self) -> str:
-        """The legal strings and their maximum number, in words."""
-        return f"up to {self.most} values, each one of {', '.join(map(repr, self.known))}"
-
-    def _check(self, name: str, value: Any, record: Any) -> tuple[str, ...]:
-        if not isinstance(value, tuple):
-            raise ArgumentError(f"{name} is {value!r}; it must be a tuple of {self.known}")
-        for one in value:
-            if one not in self.known:
-                raise ArgumentError(f"one of {name} is {one!r}; it must be one of {self.known}")
-        if len(value) > self.most:
-            raise ArgumentError(f"there are {len(value)} {name}; the limit is {self.most}")
-        return value
-
-
-@dataclass(frozen=True, kw_only=True)
 class Part(Kind):
     """An object of the class `of`; `make`, if given, makes one from a value of another class."""
 
@@ -325,99 +286,88 @@ class Part(Kind):
         return check_kind(name, value, self.of)
 
 
-# Declarations ----------------------------------------------------------------------------------
+# Declarations: each function also takes the attributes of its kind, and `default`,
+# `default_factory` and `kw_only` as `dataclasses.field` does.
 
 
-def _declare(
-    of: type[Kind],
-    /,
-    *,
-    default: Any = MISSING,
-    default_factory: Any = MISSING,
-    kw_only: bool = False,
-    **declares: Any,
-) -> Any:
-    """Return a dataclass field with a declaration of the class `of`, made from `declares`."""
-    metadata = {"kind": of(**declares)}
-    return field(
-        default=default, default_factory=default_factory, kw_only=kw_only, metadata=metadata
-    )
+def declare(of: type[Kind], /, **options: Any) -> Any:
+    """Declare a field of any kind."""
+    of_field = {
+        name: options.pop(name)
+        for name in ("default", "default_factory", "kw_only")
+        if name in options
+    }
+    return field(metadata={"kind": of(**options)}, **of_field)
 
 
-def _ranged(
-    of: type[Kind],
+def number(
     low: float,
     high: float,
-    unit: str,
-    help: str,
+    unit: str = "",
+    help: str = "",
     slider: tuple[float, float] | None = None,
     **options: Any,
 ) -> Any:
-    shown = slider or (low, high)
-    return _declare(of, low=low, high=high, unit=unit, help=help, shown=shown, **options)
-
-
-# Each function also takes the attributes of its kind and the keyword arguments of `_declare`.
-
-
-def number(low: float, high: float, unit: str = "", help: str = "", **options: Any) -> Any:
     """Declare a `Number` from `low` to `high`; `slider` is the range of its slider."""
-    return _ranged(Number, low, high, unit, help, **options)
+    shown = slider or (low, high)
+    return declare(Number, low=low, high=high, unit=unit, help=help, shown=shown, **options)
 
 
-def whole(low: int, high: int, unit: str = "", help: str = "", **options: Any) -> Any:
+def whole(
+    low: int,
+    high: int,
+    unit: str = "",
+    help: str = "",
+    slider: tuple[int, int] | None = None,
+    **options: Any,
+) -> Any:
     """Declare a `Whole` number from `low` to `high`; `slider` is the range of its slider."""
-    return _ranged(Whole, low, high, unit, help, **options)
+    shown = slider or (low, high)
+    return declare(Whole, low=low, high=high, unit=unit, help=help, shown=shown, **options)
 
 
 def choice(options: Mapping[Any, str] | Iterable[Any], help: str = "", **others: Any) -> Any:
     """Declare a `Choice` of several values; a mapping gives the text shown for each."""
     if not isinstance(options, Mapping):
         options = {value: str(value) for value in options}
-    return _declare(Choice, options=options, help=help, **others)
+    return declare(Choice, options=options, help=help, **others)
 
 
 def switch(help: str = "", **options: Any) -> Any:
     """Declare a field that is True or False."""
-    return _declare(Switch, help=help, **options)
+    return declare(Switch, help=help, **options)
 
 
 def text(help: str = "", **options: Any) -> Any:
     """Declare `Text`."""
-    return _declare(Text, help=help, **options)
-
-
-def series(known: Iterable[str], **options: Any) -> Any:
-    """Declare a `Series` of strings, each added by a button."""
-    return _declare(Series, known=tuple(known), **options)
+    return declare(Text, help=help, **options)
 
 
 def part(of: type, help: str = "", **options: Any) -> Any:
     """Declare a `Part`: an object of the class `of`."""
-    return _declare(Part, of=of, help=help, **options)
+    return declare(Part, of=of, help=help, **options)
 
 
 # Records ---------------------------------------------------------------------------------------
 
 
-def declared(kind: type) -> dict[str, Kind]:
+def declared(kind: type) -> Mapping[str, Kind]:
     """Return the declarations of a dataclass's fields, by name and in order."""
-    return {one.name: one.metadata["kind"] for one in fields(kind) if "kind" in one.metadata}
+    return _declared(kind)
 
 
 @cache
-def _declared(kind: type) -> tuple[tuple[str, Kind], ...]:
-    """Return the declarations as pairs of name and kind, cached for each class."""
-    return tuple(declared(kind).items())
+def _declared(kind: type) -> Mapping[str, Kind]:
+    return {one.name: one.metadata["kind"] for one in fields(kind) if "kind" in one.metadata}
 
 
-def check(made: Any) -> None:
+def check_fields(made: Any) -> None:
     """Check the declared fields of a dataclass instance; store the values the checks return."""
-    for name, kind in _declared(type(made)):  # type: ignore[arg-type] # a class is hashable
-        given = getattr(made, name)
-        value = kind.check(name, given, made)
-        if value is not given:
-            object.__setattr__(made, name, value)
+    for name, kind in declared(type(made)).items():
+        value = getattr(made, name)
+        checked = kind.check(name, value, made)
+        if checked is not value:
+            object.__setattr__(made, name, checked)
 
 
 @overload
@@ -431,26 +381,18 @@ def record(
 
 
 @dataclass_transform(
-    frozen_default=True, field_specifiers=(number, whole, choice, switch, text, series, part, field)
+    frozen_default=True,
+    field_specifiers=(number, whole, choice, switch, text, part, declare, field),
 )
 def record(kind: type[T] | None = None, /, **options: bool) -> Any:
-    """Make a frozen dataclass that checks its declared fields before its own ``__post_init__``.
+    """Make a frozen dataclass whose docstring lists its declared fields.
 
-    If a docstring has no Parameters section, that and a missing Raises section are generated.
+    `check_fields` checks the fields; a class with a ``__post_init__`` calls it there.
     """
 
     def make(kind: type[T]) -> type[T]:
-        own = kind.__dict__.get("__post_init__")
-        inherited = getattr(kind, "__post_init__", None)
-        if own is not None or not getattr(inherited, "_checks", False):
-
-            def __post_init__(self: Any) -> None:
-                check(self)
-                if inherited is not None:
-                    inherited(self)
-
-            __post_init__._checks = True  # type: ignore[attr-defined]
-            kind.__post_init__ = __post_init__  # type: ignore[attr-defined]
+        if not hasattr(kind, "__post_init__"):
+            kind.__post_init__ = check_fields  # type: ignore[attr-defined]
         made = dataclass(frozen=True, **options)(kind)
         made.__doc__ = _documented(made)
         return made
@@ -459,48 +401,36 @@ def record(kind: type[T] | None = None, /, **options: bool) -> Any:
 
 
 def _documented(kind: type) -> str | None:
-    """Return the docstring of a record with the sections that describe its declared fields."""
-    docstring = kind.__doc__
-    if not docstring or kind.__dict__.get("__doc__") is None:
-        return docstring
-    docstring = cleandoc(docstring)
-    if "\nParameters\n---" in docstring:
-        return docstring
-    lines = []
-    for one in fields(kind):
-        if not one.init or one.name.startswith("_"):
-            continue
-        declared = one.metadata.get("kind")
-        default = one.default if one.default_factory is MISSING else None
-        lines += _entry(one.name, declared, default, str(one.type))
-    if not any("kind" in one.metadata for one in fields(kind)):
-        return docstring
-    section = "\n".join(["Parameters", "----------", *lines])
+    """Return the docstring of a record, with sections on its declared fields before any others."""
+    docstring = cleandoc(kind.__doc__ or "")
+    if not declared(kind) or "\nParameters\n---" in docstring:
+        return kind.__doc__
+    public = [one for one in fields(kind) if one.init and not one.name.startswith("_")]
+    section = "\n".join(["\n\nParameters\n----------", *map(_entry, public)])
     if "\nRaises\n---" not in docstring:
         section += "\n\nRaises\n------\nArgumentError\n    If a value is out of its range."
-    head, underline, rest = docstring.partition("\n----")
-    if not underline:
-        return f"{docstring}\n\n{section}\n"
-    head, _, title = head.rpartition("\n")
-    return f"{head.rstrip()}\n\n{section}\n\n{title}\n----{rest}"
+    other = re.search(r"\n\n[^\n]+\n---", docstring)
+    end = other.start() if other else len(docstring)
+    return f"{docstring[:end]}{section}{docstring[end:]}\n"
 
 
-_TYPES: Mapping[type, str] = {
-    Number: "float", Whole: "int", Switch: "bool", Text: "str", Series: "tuple of str",
-}  # fmt: skip
+_TYPES: Mapping[type, str] = {Number: "float", Whole: "int", Switch: "bool", Text: "str"}
 
 
-def _entry(name: str, kind: Kind | None, default: Any, annotation: str) -> list[str]:
-    """Return the lines of one parameter in a numpydoc section."""
+def _entry(one: Field[Any]) -> str:
+    """Return the entry of one parameter in a numpydoc section."""
+    kind, default = one.metadata.get("kind"), one.default
+    what = _TYPES.get(type(kind), str(one.type))
     if kind is None:
-        return [f"{name} : {annotation}" + ("" if default is MISSING else ", optional")]
-    what = _TYPES.get(type(kind), annotation)
+        optional = default is not MISSING or one.default_factory is not MISSING
+        return f"{one.name} : {what}" + (", optional" if optional else "")
     if isinstance(kind, Choice):
         what = f"{{{kind.legal}}}"
-    if default is not MISSING:
-        plain = default is None or default in (inf, -inf)
-        what += ", optional" if plain else f", default {default!r}"
-    says = kind.help.rstrip(".")
+    if one.default_factory is not MISSING or default in (None, inf, -inf):
+        what += ", optional"
+    elif default is not MISSING:
+        what += f", default {default!r}"
+    meaning = kind.help.rstrip(".")
     if isinstance(kind, Number | Whole):
-        says += f", {kind.legal}" + (f" [{kind.unit}]" if kind.unit else "")
-    return [f"{name} : {what}", f"    {says}."]
+        meaning += f", {kind.legal}" + (f" [{kind.unit}]" if kind.unit else "")
+    return f"{one.name} : {what}\n    {meaning}."

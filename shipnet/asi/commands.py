@@ -18,7 +18,7 @@ from shipnet.asi.master import (
 from shipnet.asi.slave import slave_key
 from shipnet.asi.telegram import Call, Request
 from shipnet.errors import ArgumentError
-from shipnet.fields import record, text, whole
+from shipnet.fields import check_fields, record, text, whole
 
 __all__ = ["ChangeAddress", "ReadCodes", "ResetSlave", "WriteParameter"]
 __dir__ = __all__.copy
@@ -55,6 +55,7 @@ class ChangeAddress:
     new: str = text("New label")
 
     def __post_init__(self) -> None:
+        check_fields(self)
         slave_key(self.old, "old")
         if slave_key(self.new, "new")[0] < 2 or self.new == self.old:
             raise ArgumentError(f"new is {self.new!r}; it must be 1..31, and not {self.old!r}")
@@ -95,6 +96,7 @@ class _OfSlave:
     slave: str = text("Label of the slave")
 
     def __post_init__(self) -> None:
+        check_fields(self)
         slave_key(self.slave)
 
 
@@ -130,6 +132,7 @@ class WriteParameter(_OfSlave):
     value: int = whole(0, 15, help="Parameter bits; 0..7 for an A/B slave")
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_bits("parameter", self.slave, self.value)
 
     def run(self, lists: Lists) -> Task[str]:

@@ -20,7 +20,7 @@ from shipnet.asi.profile import Profile
 from shipnet.asi.slave import CURRENT, label_of, slave_key
 from shipnet.asi.telegram import Call, Half, Request
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, number, part, record, switch, text, whole
+from shipnet.fields import check_fields, check_whole, number, part, record, switch, text, whole
 from shipnet.line.network import check_node
 
 
@@ -98,6 +98,7 @@ class Master:
     )
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.node:
             check_node(self.node)
         projected = {}

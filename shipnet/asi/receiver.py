@@ -22,7 +22,7 @@ from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, Signs, decided,
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.compiled import compiled
 from shipnet.errors import ArgumentError, SilenceError
-from shipnet.fields import check_rng, check_scalar, number, record, switch
+from shipnet.fields import check_fields, check_rng, check_scalar, number, record, switch
 from shipnet.lazy import Axes
 from shipnet.line import waveform as line_waveform
 
@@ -192,6 +192,7 @@ class Receiver:
     source: str = field(default="", kw_only=True, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not 0 < self.threshold < 1:
             raise ArgumentError(f"threshold is {self.threshold}; it must be between 0 and 1")
 

@@ -23,7 +23,7 @@ from shipnet.asi.slave import CURRENT, DEVICE, Slave
 from shipnet.asi.telegram import RESPONSE_BITS, RESPONSES
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, number, part, record, text
+from shipnet.fields import check_fields, check_scalar, number, part, record, text
 from shipnet.lazy import pd
 from shipnet.line.network import CableRun as CableRun
 from shipnet.line.network import Load, Network, check_node
@@ -49,6 +49,7 @@ class Supply:
     load: Load = part(Load, "Load for signals", default=POWER_SUPPLY, kw_only=True)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_node(self.node)
 
     def __str__(self) -> str:
@@ -75,6 +76,7 @@ class Repeater:
     current: float = number(0, 10, "A", "Current drawn from each segment", default=CURRENT)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_node(self.a)
         check_node(self.b)
 
@@ -101,6 +103,7 @@ class Terminator:
     inductance: float = number(1e-6, 1e3, "H", "Inductance; 1000 H for none", default=300e-6)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_node(self.node)
 
     def __str__(self) -> str:

@@ -23,7 +23,7 @@ from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
 from shipnet.asi.timing import ADDRESSES, Transaction, exchanges, transfers_values
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError, SilenceError, name_of
-from shipnet.fields import check_rng, check_scalar, check_whole, number, part, record
+from shipnet.fields import check_fields, check_rng, check_scalar, check_whole, number, part, record
 from shipnet.lazy import Axes, pd
 
 # A standby master ------------------------------------------------------------------------------
@@ -52,6 +52,7 @@ class Standby:
     silence: float = number(501e-6, 1e9, "s", "Silence before the takeover", default=1e-3)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not self.master.projected:
             raise ArgumentError("master has no projected slaves; a standby master needs them")
 

@@ -21,7 +21,7 @@ from shipnet.asi.telegram import Answer, Call, Half, Request, Response
 from shipnet.asi.timing import ADDRESSES, CHANNELS, CONVERSION
 from shipnet.compiled import compiled
 from shipnet.errors import ArgumentError, FrameError, UnknownCallError
-from shipnet.fields import check_whole, number, record, text, whole
+from shipnet.fields import check_fields, check_whole, number, record, text, whole
 from shipnet.lazy import Axes, pd
 from shipnet.line.network import Load, check_node
 
@@ -138,6 +138,7 @@ class Slave:
     load: Load = field(default=DEVICE, kw_only=True)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         half = slave_key(self.label, "label")[1]
         profile = self.profile or ("S-0.A.F" if half else "S-0.F.F")
         object.__setattr__(self, "profile", Profile.parse(profile))

@@ -20,7 +20,16 @@ from shipnet.arrays import Floats
 from shipnet.asi.profile import Profile
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response, plot_telegram
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_choice, check_scalar, check_whole, number, part, record, whole
+from shipnet.fields import (
+    check_choice,
+    check_fields,
+    check_scalar,
+    check_whole,
+    number,
+    part,
+    record,
+    whole,
+)
 from shipnet.lazy import Axes
 
 #: Length of one bit on the line [s], from icn2007 section 5 and OMRON manual W357, p. 5.
@@ -243,6 +252,7 @@ class Cycle:
     )
 
     def __post_init__(self) -> None:
+        check_fields(self)
         least = max(self.slaves - ADDRESSES, 0)
         pairs = least if self.pairs is None else self.pairs
         if pairs < least or 2 * pairs > self.slaves:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
-from shipnet.fields import Quantity, number, record
+from shipnet.fields import Quantity, check_fields, number, record
 
 
 def _number(low: float, high: float, unit: str, help: str, default: float) -> Any:
@@ -96,6 +96,7 @@ class Actuator:
     )
 
     def __post_init__(self) -> None:
+        check_fields(self)
         lengths = {len(value) for value in self._arrays()}
         if len(lengths) > 1:
             raise ArgumentError(

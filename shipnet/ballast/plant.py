@@ -32,6 +32,7 @@ from shipnet.clock import Fault as TimedFault
 from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
+    check_fields,
     check_rng,
     check_scalar,
     check_whole,
@@ -87,6 +88,7 @@ class Command:
     valves: int | Iterable[int] | None = None
 
     def __post_init__(self) -> None:
+        check_fields(self)
         object.__setattr__(self, "action", check_action(self.action, ACTIONS))
         object.__setattr__(self, "valves", _numbers(self.valves))
 

@@ -12,7 +12,7 @@ from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.ballast.sensors import Sensors
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, choice, number, record, whole
+from shipnet.fields import check_fields, check_whole, choice, number, record, whole
 from shipnet.lazy import pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Request
@@ -108,6 +108,7 @@ class System:
     )  # fmt: skip
 
     def __post_init__(self) -> None:
+        check_fields(self)
         known = self.actuator.n_valves
         count = known or 1 if self.n_valves is None else self.n_valves
         if known not in (None, count):

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
-from shipnet.fields import record, whole
+from shipnet.fields import check_fields, record, whole
 
 
 class Channel(NamedTuple):
@@ -87,6 +87,7 @@ class Sensors:
     bits: int | None = whole(1, 24, help="Resolution", default=12, optional=True)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("low", "high", "noise"):
             values: Any = getattr(self, name)
             try:

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from shipnet.clock import Fault, nanoseconds
 from shipnet.errors import ArgumentError
-from shipnet.fields import number, record, whole
+from shipnet.fields import check_fields, number, record, whole
 
 __all__ = ["ERROR_BITS", "BitErrors", "ErrorAt", "ErrorBound"]
 __dir__ = __all__.copy
@@ -90,6 +90,7 @@ class ErrorBound:
     )
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.interval != math.inf and not (self.interval <= 1e5 and self.burst >= 1):
             raise ArgumentError(
                 f"interval is {self.interval:g} s and burst is {self.burst}; interval must be "

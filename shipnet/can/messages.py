@@ -30,6 +30,7 @@ from shipnet.fields import (
     Switch,
     Whole,
     check_choice,
+    check_fields,
     check_whole,
     declared,
     number,
@@ -103,6 +104,7 @@ class Message:
     )
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for field, value in (("name", self.name), ("sender", self.sender)):
             if not value.isprintable() or value != value.strip():
                 raise ArgumentError(f"{field} is {value!r}; it must be printable text")

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from shipnet import style
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, number, record, whole
+from shipnet.fields import check_fields, check_scalar, check_whole, number, record, whole
 from shipnet.lazy import Axes, pd
 from shipnet.line.cable import Cable
 from shipnet.line.characteristics import simulate
@@ -69,6 +69,7 @@ class Segment:
     cable: Cable = field(default_factory=lambda: Cable.lossless(120, 5e-9))
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for node, metres in self.stubs.items():
             check_whole("node of a stub", node, 1, self.nodes)
             check_scalar(f"length of the stub at node {node}", metres, "m", 1e-3, 1e3)

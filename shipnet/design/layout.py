@@ -14,7 +14,7 @@ from shipnet.arrays import Floats
 from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError
-from shipnet.fields import number, record
+from shipnet.fields import check_fields, number, record
 from shipnet.lazy import pd
 
 #: A position on board [m]: x forward, y to port, z up, relative to the list's origin.
@@ -30,6 +30,7 @@ class Site:
     tails: float = number(0, 1000, "m", "Length for both ends of a cable", default=5.0)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         cabinet = _places("cabinet", self.cabinet)
         if cabinet.ndim != 1 or np.isnan(cabinet).any():
             raise ArgumentError(f"cabinet is {self.cabinet!r}; it must be three finite numbers")

@@ -27,6 +27,7 @@ from shipnet.fields import (
     Kind,
     Number,
     Switch,
+    check_fields,
     check_scalar,
     choice,
     declared,
@@ -492,6 +493,7 @@ class Rule:
     rule_set: str = text("Rule set of the rule", default="own")
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not self.rule:
             raise ArgumentError("rule is ''; it must be a name")
         if self.measure:

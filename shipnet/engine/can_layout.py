@@ -16,7 +16,7 @@ from shipnet.can.lengths import Stuffing, frame_length
 from shipnet.can.messages import Message, MessageSet, packed
 from shipnet.engine.points import PointList
 from shipnet.errors import ArgumentError
-from shipnet.fields import part, record, whole
+from shipnet.fields import check_fields, part, record, whole
 from shipnet.lazy import pd
 
 #: Largest number of data bytes in a classic CAN frame; ISO 11898-1.
@@ -47,6 +47,7 @@ class CanLayout:
     bits: int = whole(1, 16, "", "Bits of an analogue value", default=16)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         sizes, most = self._packed[1], _HIGHEST_ID // _ID_STEP
         if len(sizes) > most:
             raise ArgumentError(f"there are {len(sizes)} boxes; there must be 1..{most}")

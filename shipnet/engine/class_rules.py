@@ -17,7 +17,7 @@ from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.engine.points import Point, PointList, read_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
-from shipnet.fields import number, part, record, switch, whole
+from shipnet.fields import check_fields, number, part, record, switch, whole
 from shipnet.lazy import pd
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
@@ -128,6 +128,7 @@ class Description:
     )
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("protocols", "links", "routes"):
             given = getattr(self, name)
             if given is None:

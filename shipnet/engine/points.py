@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import choice, number, record
+from shipnet.fields import check_fields, choice, number, record
 from shipnet.lazy import pd
 from shipnet.signals import Saving, hardwired_conductors
 from shipnet.tables import read_sheet
@@ -83,6 +83,7 @@ class Point:
     service: str = ""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for field in ("tag", "box", "quantity", "unit", "signal", "service"):
             text = getattr(self, field)
             if not isinstance(text, str) or not text.isprintable() or text != text.strip():

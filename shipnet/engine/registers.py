@@ -17,7 +17,7 @@ import numpy.typing as npt
 from shipnet.arrays import Floats, Words
 from shipnet.engine.points import Point, PointList, by_point
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, part, record, whole
+from shipnet.fields import check_fields, check_scalar, part, record, whole
 from shipnet.lazy import pd
 from shipnet.modbus.pdu import Request
 
@@ -69,6 +69,7 @@ class Coding:
     )
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.step not in ("full scale", "decimal"):
             object.__setattr__(self, "step", check_scalar("step", self.step, "", 1e-6, 1e6))
 

@@ -20,7 +20,16 @@ from shipnet.engine.faults import KINDS, WIRES, EngineFault, LostModbusFrames
 from shipnet.engine.firmware import Firmware
 from shipnet.engine.points import PointList, read_points
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, choice, number, part, record, whole
+from shipnet.fields import (
+    check_fields,
+    check_scalar,
+    check_whole,
+    choice,
+    number,
+    part,
+    record,
+    whole,
+)
 from shipnet.lazy import Axes
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
@@ -120,6 +129,7 @@ class System:
     )
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_scalar("timeout", self.timeout, "s", self.shortest_timeout, LONGEST)
         if not 2 <= len(self.boxes) <= 7:
             raise ArgumentError(f"points are in {len(self.boxes)} boxes; there must be 2..7")

@@ -51,7 +51,7 @@ class Answer(Protocol):
     def value(self) -> object:
         """The right answer."""
 
-    def read(self, given: object) -> Any:
+    def read(self, raw: object) -> Any:
         """Return an answer in a standard form, or raise Misread if this is impossible."""
 
     def fault(self, answer: Any) -> str | None:
@@ -68,27 +68,27 @@ def shown(value: object) -> str:
         return type(value).__name__
 
 
-def blank(given: object) -> bool:
+def blank(raw: object) -> bool:
     """Return whether the answer is missing."""
-    return given is ... or given is None
+    return raw is ... or raw is None
 
 
-def _other(asked: str, given: object) -> Misread:
-    return Misread(f"{asked}; yours is of type {type(given).__name__}")
+def _other(form: str, raw: object) -> Misread:
+    return Misread(f"{form}; yours is of type {type(raw).__name__}")
 
 
-def _number(given: object, unit: str) -> float:
+def _number(raw: object, unit: str) -> float:
     """Return an answer as a number; an array must have one element."""
-    asked = f"a number is expected{f', in {unit}' if unit else ''}"
-    if isinstance(given, np.ndarray) and given.size == 1:
-        given = given.item()
-    if isinstance(given, str):
-        raise Misread(f"{asked}, without quotes and without a unit")
-    if isinstance(given, bool | np.bool_) or not isinstance(given, Real):
-        raise _other(asked, given)
-    if not math.isfinite(given):
-        raise Misread(f"{asked}; {given} is not one")
-    return float(given)
+    form = f"a number is expected{f', in {unit}' if unit else ''}"
+    if isinstance(raw, np.ndarray) and raw.size == 1:
+        raw = raw.item()
+    if isinstance(raw, str):
+        raise Misread(f"{form}, without quotes and without a unit")
+    if isinstance(raw, bool | np.bool_) or not isinstance(raw, Real):
+        raise _other(form, raw)
+    if not math.isfinite(raw):
+        raise Misread(f"{form}; {raw} is not one")
+    return float(raw)
 
 
 def _prefix(number: float, right: float, unit: str, tolerance: float) -> str | None:
@@ -133,9 +133,9 @@ class Number:
     unit: str = ""
     tolerance: float = 0.005
 
-    def read(self, given: object) -> float:
+    def read(self, raw: object) -> float:
         """Return an answer as a number."""
-        return _number(given, self.unit)
+        return _number(raw, self.unit)
 
     def fault(self, answer: float) -> str | None:
         """Return what is wrong with a number, or None if it is right."""
@@ -171,13 +171,13 @@ class Bits:
 
     value: str
 
-    def read(self, given: object) -> str:
+    def read(self, raw: object) -> str:
         """Return an answer as text without separators."""
-        if isinstance(given, Integral):
+        if isinstance(raw, Integral):
             raise Misread("write bits in quotes, such as '0110', to keep leading zeros")
-        if not isinstance(given, Iterable):
-            raise _other("bits in quotes are expected, such as '0110'", given)
-        bits = "".join(map(str, given)).replace(" ", "").replace("_", "")
+        if not isinstance(raw, Iterable):
+            raise _other("bits in quotes are expected, such as '0110'", raw)
+        bits = "".join(map(str, raw)).replace(" ", "").replace("_", "")
         if strange := sorted(set(bits) - {"0", "1"}):
             raise Misread(f"{shown(strange[0])} is not a bit")
         return bits
@@ -196,20 +196,20 @@ class Bytes:
 
     value: bytes
 
-    def read(self, given: object) -> bytes:
+    def read(self, raw: object) -> bytes:
         """Return an answer as bytes."""
-        if isinstance(given, str):
+        if isinstance(raw, str):
             try:
-                return bytes.fromhex(given.replace("0x", " ").replace(",", " "))
+                return bytes.fromhex(raw.replace("0x", " ").replace(",", " "))
             except ValueError:
-                asked = "write two digits per byte, such as '01 0A'"
-                raise Misread(f"{shown(given)} is not hexadecimal: {asked}") from None
-        if isinstance(given, Sequence) and all(type(byte) is int for byte in given):
+                form = "write two digits per byte, such as '01 0A'"
+                raise Misread(f"{shown(raw)} is not hexadecimal: {form}") from None
+        if isinstance(raw, Sequence) and all(type(byte) is int for byte in raw):
             try:
-                return bytes(given)
+                return bytes(raw)
             except ValueError:
                 raise Misread("a byte is a number from 0 to 255") from None
-        raise _other("bytes are expected, such as '01 0A'", given)
+        raise _other("bytes are expected, such as '01 0A'", raw)
 
     def fault(self, answer: bytes) -> str | None:
         """Return what is wrong with the bytes, or None if they are right."""
@@ -230,21 +230,21 @@ class Words:
     value: str | tuple[str, ...] | frozenset[str]
     options: tuple[str, ...]
 
-    def read(self, given: object) -> object:
+    def read(self, raw: object) -> object:
         """Return an answer with its words spelt as in the list; case is ignored."""
         if isinstance(self.value, str):
-            return self._word(given)
-        if isinstance(given, str):
-            given = given.replace(",", " ").split()
-        if not isinstance(given, Iterable):
+            return self._word(raw)
+        if isinstance(raw, str):
+            raw = raw.replace(",", " ").split()
+        if not isinstance(raw, Iterable):
             raise Misread(f"a list of words is expected; choose from {', '.join(self.options)}")
-        return type(self.value)(map(self._word, given))
+        return type(self.value)(map(self._word, raw))
 
-    def _word(self, given: object) -> str:
-        known = {option.casefold(): option for option in self.options}
-        word = known.get(given.strip().casefold()) if isinstance(given, str) else None
+    def _word(self, raw: object) -> str:
+        by_case = {option.casefold(): option for option in self.options}
+        word = by_case.get(raw.strip().casefold()) if isinstance(raw, str) else None
         if word is None:
-            raise Misread(f"{shown(given)} is not one of {', '.join(self.options)}")
+            raise Misread(f"{shown(raw)} is not one of {', '.join(self.options)}")
         return word
 
     def fault(self, answer: object) -> str | None:
@@ -260,24 +260,24 @@ class Function:
     cases: Sequence[tuple[Any, ...]]
     answer: Callable[[Any], Answer] = Number
 
-    def read(self, given: object) -> tuple[str, list[Any]]:
+    def read(self, raw: object) -> tuple[str, list[Any]]:
         """Return the name of a function and its results for the inputs."""
-        if not callable(given):
-            raise _other("a function is expected", given)
-        name = getattr(given, "__name__", "your function")
-        return name, _limited(name, lambda: [self._tried(given, name, case) for case in self.cases])
+        if not callable(raw):
+            raise _other("a function is expected", raw)
+        name = getattr(raw, "__name__", "your function")
+        return name, _limited(name, lambda: [self._tried(raw, name, case) for case in self.cases])
 
-    def _tried(self, given: Callable[..., Any], name: str, case: tuple[Any, ...]) -> Any:
+    def _tried(self, function: Callable[..., Any], name: str, case: tuple[Any, ...]) -> Any:
         """Return the result of a function for one input."""
         try:
             # A function that changes its input must not affect the comparison.
-            result = given(*deepcopy(case))
+            result = function(*deepcopy(case))
         except NotImplementedError:
             raise NotSolved from None
         except Exception as error:
-            where = _place(given, error.__traceback__)
-            said = format_exception_only(error)[-1].partition("\n")[0]
-            raise Misread(f"{_call(name, case)} stops{where}: {said}") from None
+            where = _place(function, error.__traceback__)
+            message = format_exception_only(error)[-1].partition("\n")[0]
+            raise Misread(f"{_call(name, case)} stops{where}: {message}") from None
         if result is None:
             raise Misread(f"{_call(name, case)} returned nothing: is there a `return`?")
         if result is ...:
@@ -358,10 +358,10 @@ class Table:
     value: Sequence[Mapping[str, float]]
     units: dict[str, str] = field(default_factory=dict)
 
-    def read(self, given: object) -> list[dict[str, float]]:
+    def read(self, raw: object) -> list[dict[str, float]]:
         """Return the rows of a DataFrame or list of dicts as numbers, sorted by first column."""
-        to_rows = getattr(given, "to_dict", None)
-        rows: Any = to_rows("records") if to_rows and hasattr(given, "columns") else given
+        to_rows = getattr(raw, "to_dict", None)
+        rows: Any = to_rows("records") if to_rows and hasattr(raw, "columns") else raw
         columns = list(self.value[0])
         if form := _not_rows(rows):
             row = ", ".join(f"{name!r}: ..." for name in columns)
@@ -372,10 +372,10 @@ class Table:
             raise Misread(f"{len(self.value)} rows are expected, got {len(rows)}")
         if any(blank(row[name]) for row in rows for name in columns):
             raise NotSolved
-        found = [
+        numbers = [
             {name: _number(row[name], self.units.get(name, "")) for name in columns} for row in rows
         ]
-        return sorted(found, key=lambda row: row[columns[0]])
+        return sorted(numbers, key=lambda row: row[columns[0]])
 
     def fault(self, answer: list[dict[str, float]]) -> str | None:
         """Return a report on the first wrong cell, or None if all are right."""

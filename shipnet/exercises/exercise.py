@@ -155,10 +155,10 @@ def exercises(lesson: int) -> tuple[Exercise, ...]:
 def exercise(key: str) -> Exercise:
     """Return the exercise with this key."""
     form = re.fullmatch(r"ex-(\d\d)-\d+", key) if isinstance(key, str) else None
-    known = {one.key: one for one in exercises(int(form[1]))} if form else {}
-    if key not in known:
+    by_key = {one.key: one for one in exercises(int(form[1]))} if form else {}
+    if key not in by_key:
         raise ArgumentError(f"key is {key!r}; there is no such exercise")
-    return known[key]
+    return by_key[key]
 
 
 def given(key: str, me: Student) -> dict[str, Any]:

@@ -229,8 +229,8 @@ def answer() -> None:
             if what == "run":
                 exec(text, space)
             else:
-                found = eval(text, space)
-                value = _encoded(found(*arguments[0]) if what == "call" else found, text)
+                result = eval(text, space)
+                value = _encoded(result(*arguments[0]) if what == "call" else result, text)
             line = json.dumps({"value": value})
             if len(line) >= ANSWER:
                 raise ValueError(f"the answer is longer than {ANSWER >> 20} MB")
@@ -310,8 +310,12 @@ class _HandIn:
                 given.seek(0)
                 process = _python(
                     f"judge({LIMIT}, {WHOLE})",
-                    stdin=given, stdout=said, stderr=said, cwd=folder, env=environment,
-                )  # fmt: skip
+                    stdin=given,
+                    stdout=said,
+                    stderr=said,
+                    cwd=folder,
+                    env=environment,
+                )
                 with suppress(subprocess.TimeoutExpired):
                     process.wait(1.2 * WHOLE)
                 process.kill()
@@ -321,10 +325,10 @@ class _HandIn:
             line = lines[-1] if lines else "its process ended or did not end in time"
             if not line.startswith("{"):  # it is the error that ended the judge
                 raise ValueError(line)
-            found = json.loads(line)
-            self.name, self.flags = _plain(found["name"]), [*map(_plain, found["flags"])]
+            result = json.loads(line)
+            self.name, self.flags = _plain(result["name"]), [*map(_plain, result["flags"])]
             self.verdicts, self.digests = (
-                {_plain(key): _plain(value) for key, value in found[part].items()}
+                {_plain(key): _plain(value) for key, value in result[part].items()}
                 for part in ("verdicts", "digests")
             )
 
@@ -377,7 +381,7 @@ class _HandIn:
         finally:
             session.close()
 
-    def _judge(self, asked: list[Exercise], session: _Session, solving: dict[str, int]) -> None:
+    def _judge(self, tasks: list[Exercise], session: _Session, solving: dict[str, int]) -> None:
         try:
             name = str(session.ask("get", "me.name"))
             self.name = name[:NAME]
@@ -389,14 +393,14 @@ class _HandIn:
             me = student(EXAMPLE)
         if me == student(EXAMPLE):
             self.flags.append("name unchanged")
-        for one in asked:
+        for one in tasks:
             cell = solving.get(one.variable, -1)
             session.allow()
             try:
-                said = check(one.key, session.ask("get", one.variable), me).text
+                text = check(one.key, session.ask("get", one.variable), me).text
             except RuntimeError as error:
-                said = session.faults.get(cell, str(error))
-            self.verdicts[one.key] = said[:VERDICT]
+                text = session.faults.get(cell, str(error))
+            self.verdicts[one.key] = text[:VERDICT]
 
 
 def _search(root: Path) -> list[Path]:
@@ -454,13 +458,13 @@ def grade(folder: str) -> tuple[pd.DataFrame, pd.DataFrame]:
         marks = {key: points.get(key) for key in keys}
         row = {"name": one.name, "file": one.file, **marks, "points": sum(points.values())}
         rows.append({**row, "flags": "; ".join(dict.fromkeys(one.flags))})
-    said = [
+    verdicts = [
         {"name": one.name, "file": one.file, "exercise": key, "verdict": text}
         for one in handed
         for key, text in one.verdicts.items()
     ]
     grades = pd.DataFrame(rows).astype(dict.fromkeys(keys, "Int64"))
-    return grades, pd.DataFrame(said, columns=["name", "file", "exercise", "verdict"])
+    return grades, pd.DataFrame(verdicts, columns=["name", "file", "exercise", "verdict"])
 
 
 def as_html(file: str, grades: pd.DataFrame, verdicts: pd.DataFrame) -> None:

@@ -35,8 +35,8 @@ def cable_ends(echoes: tuple[float, ...]) -> Solution:
 
     def taken(*ends: str) -> tuple[str, ...]:
         """Return `right` after replacing the first of each pair in `ends` with the second."""
-        found = dict(zip(ends[::2], ends[1::2], strict=True))
-        return tuple(found.get(end, end) for end in right)
+        other = dict(zip(ends[::2], ends[1::2], strict=True))
+        return tuple(other.get(end, end) for end in right)
 
     opened, above, matched, below, shorted = _ENDS
     return Words(right, tuple(_ENDS)), {

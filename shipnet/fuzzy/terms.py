@@ -14,7 +14,7 @@ import numpy.typing as npt
 from shipnet import style
 from shipnet.arrays import Bools, Floats
 from shipnet.errors import ArgumentError
-from shipnet.fields import part, record, text, whole
+from shipnet.fields import check_fields, part, record, text, whole
 from shipnet.lazy import Axes
 
 #: Decisions when no rule fires: with its missing readings, no rule could fire, or some could.
@@ -138,6 +138,7 @@ class Term:
         ) -> None: ...
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_word("name of a term", self.name)
         corners = tuple(float(corner) for corner in self.corners)
         if len(corners) != 4 or any(isnan(corner) for corner in corners):
@@ -338,6 +339,7 @@ class Rule:
         ) -> None: ...
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if check_word("code", self.code) in (NORMAL, UNDETERMINED):
             raise ArgumentError(f"code is {self.code!r}, which is reserved for when no rule fires")
         given: Any = self.antecedent

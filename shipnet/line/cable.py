@@ -15,6 +15,7 @@ from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
     Quantity,
+    check_fields,
     check_quantity,
     check_scalar,
     check_trees,
@@ -116,6 +117,7 @@ class Cable(Valued):
     )
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_trees("a cable", None, *self.parameters)
 
     @property

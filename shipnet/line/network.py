@@ -12,7 +12,7 @@ import numpy.typing as npt
 from shipnet import fields, style
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
-from shipnet.fields import Quantity, check_quantity, check_trees, record
+from shipnet.fields import Quantity, check_fields, check_quantity, check_trees, record
 from shipnet.lazy import Axes
 from shipnet.line.cable import CABLES, Cable, Valued
 from shipnet.line.solver import Rooted, check_frequencies, fold, transfer
@@ -98,6 +98,7 @@ class Load(Valued):
     c: Quantity | None = _constant("F", "Capacitance")
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.r is None and self.l is None and self.c is None:
             raise ArgumentError("a load has neither r nor l nor c; it must have at least one")
         check_trees("a load", None, *self.parameters)

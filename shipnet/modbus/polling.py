@@ -10,7 +10,7 @@ from math import floor
 from shipnet import style
 from shipnet.answers import Utilisation
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, number, part, record, whole
+from shipnet.fields import check_fields, check_scalar, check_whole, number, part, record, whole
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT, RTU_BYTES
 from shipnet.modbus.pdu import Request
@@ -65,6 +65,7 @@ class Poll:
     response_size: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         object.__setattr__(self, "request_size", len(self.request.pdu) + RTU_BYTES)
         object.__setattr__(self, "response_size", self.request.response_size + RTU_BYTES)
         check_scalar("timeout", self.timeout, "s", self.shortest_timeout, 3600)

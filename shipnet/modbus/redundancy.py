@@ -13,7 +13,7 @@ from shipnet import style
 from shipnet.arrays import Floats
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, choice, number, part, record, switch, whole
+from shipnet.fields import check_fields, check_whole, choice, number, part, record, switch, whole
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.frame import MAX_UNIT
@@ -162,6 +162,7 @@ class Loop:
     )
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.recheck < self.period * (1 - 1e-12):
             scan = f"{self.period:g} s, a scan"
             raise ArgumentError(f"recheck is {self.recheck:g} s; it must be at least {scan}")

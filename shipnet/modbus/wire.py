@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any, Literal, get_args
 
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_rng, choice, number, record
+from shipnet.fields import check_fields, check_rng, choice, number, record
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Adu
 
@@ -82,6 +82,7 @@ class WireFault:
     )
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.seconds is None:
             object.__setattr__(self, "seconds", _SECONDS.get(self.name))
         elif self.name not in _SECONDS:

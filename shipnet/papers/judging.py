@@ -26,10 +26,16 @@ AS_PRINTED = "as printed"
 
 #: Colour of each treatment of a claim: its basis if it is judged, or else the reason why not.
 _COLOURS = {
-    "model": "#0072B2", "arithmetic": "#56B4E9", "count": "#D55E00", "ours": "#009E73",
-    "erratum": "#CC79A7", "context": "#d9d9d9", "not verified": "#b0b0b0",
-    "not reproducible": "#8c8c8c", "open": "#E69F00",
-}  # fmt: skip
+    "model": "#0072B2",
+    "arithmetic": "#56B4E9",
+    "count": "#D55E00",
+    "ours": "#009E73",
+    "erratum": "#CC79A7",
+    "context": "#d9d9d9",
+    "not verified": "#b0b0b0",
+    "not reproducible": "#8c8c8c",
+    "open": "#E69F00",
+}
 TREATMENTS = tuple(_COLOURS)
 
 
@@ -122,9 +128,11 @@ class Ledger:
             number = counts[treatment]
             bars = ax.barh(counts.index, number, left=left, color=colour, label=treatment)
             ax.bar_label(
-                bars, [str(n) if n >= 4 else "" for n in number], label_type="center",
+                bars,
+                [str(n) if n >= 4 else "" for n in number],
+                label_type="center",
                 color="white" if treatment in ("model", "count", "ours") else "black",
-            )  # fmt: skip
+            )
             left = left + number
         ax.invert_yaxis()
         ax.set_xlabel("claims [1]")
@@ -239,24 +247,22 @@ def _claims(paper: str | None) -> list[dict[Hashable, Any]]:
     """Return the rows of claims.csv for one paper or all."""
     if paper is not None:
         check_choice("paper", paper, PAPERS)
-    papers = tuple(PAPERS) if paper is None else (paper,)
-    load(papers)
-    return [claim for claim in _rows() if claim["paper"] in papers]
+    return [claim for claim in _rows() if paper in (None, claim["paper"])]
 
 
 def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
     """Return the rows of claims.csv with these ids, in the order given."""
-    known = {claim["id"]: claim for claim in _rows()}
-    if unknown := [id for id in ids if id not in known]:
+    by_id = {claim["id"]: claim for claim in _rows()}
+    if unknown := [id for id in ids if id not in by_id]:
         raise ArgumentError(
-            f"no claim has the id {', '.join(unknown)}; ids look like {next(iter(known))!r}"
+            f"no claim has the id {', '.join(unknown)}; ids look like {next(iter(by_id))!r}"
         )
-    load({str(known[id]["paper"]) for id in ids})
-    return [known[id] for id in ids]
+    return [by_id[id] for id in ids]
 
 
 def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
     """Return one claim with its recomputation, as a row of the ledger."""
+    load([claim["paper"]])
     recomputation = REGISTRY.get(claim["id"])
     computed: Any = recomputation.value if recomputation else None
     difference, outcome = math.nan, ""
@@ -286,9 +292,10 @@ def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
 def _status(claim: Mapping[Hashable, Any]) -> str:
     if claim["kind"] in ("ours", "erratum", "context"):
         return str(claim["kind"])
-    if claim["verdict"] in UNDECIDED or claim["id"] not in REGISTRY:
-        return str(claim["verdict"] if claim["verdict"] in UNDECIDED else "open")
-    return "judged"
+    if claim["verdict"] in UNDECIDED:
+        return str(claim["verdict"])
+    # What a value rests on is stated for each claim that a function computes.
+    return "judged" if claim["basis"] else "open"
 
 
 def _says(row: Mapping[str, Any]) -> str:
@@ -312,15 +319,15 @@ def _ours(row: Mapping[str, Any]) -> str:
 
 def _verdict(row: Mapping[str, Any]) -> str:
     """Return the verdict, its condition (unless "as printed"), and why the values differ."""
-    said = str(row["verdict"] or row["kind"])
+    verdict = str(row["verdict"] or row["kind"])
     if row["holds_under"] not in ("", AS_PRINTED):
-        said += f" ({row['holds_under']})"
-    if said.startswith(("agrees", "ours", "context")):
-        return said
+        verdict += f" ({row['holds_under']})"
+    if verdict.startswith(("agrees", "ours", "context")):
+        return verdict
     instead = f"Instead: {row['corrected']}" if row["corrected"] else ""
     # Only the first sentence: a full stop ends it only before a capital, so not in "p. 5".
     why = re.split(r"\.(?:\s+(?=[A-Z])|$)", str(row["note"]))[0]
-    return ". ".join(filter(None, [said, instead, why[:1].upper() + why[1:]]))
+    return ". ".join(filter(None, [verdict, instead, why[:1].upper() + why[1:]]))
 
 
 def format_computed(value: object, published: str = "") -> str:

@@ -21,9 +21,12 @@ Ways: TypeAlias = Sequence[tuple[str, str, str]]
 
 #: Colours of blocks, light enough for text.
 FILL = {
-    "": "white", "blue": style.FIELD["address"], "amber": style.FIELD["information"],
-    "green": style.FIELD["parity"], "purple": style.FIELD["control"],
-}  # fmt: skip
+    "": "white",
+    "blue": style.FIELD["address"],
+    "amber": style.FIELD["information"],
+    "green": style.FIELD["parity"],
+    "purple": style.FIELD["control"],
+}
 
 #: Half the width and height of a block.
 HALF = (0.82, 0.33)
@@ -34,8 +37,8 @@ def diagram(paper: str, item: str, *, ax: Axes, arrowstyle: str = "->") -> Block
 
     def rows(name: str) -> list[list[str]]:
         table = datasets.read(name)
-        mine = (table.paper == paper) & (table.figure == item)
-        return table.loc[mine].iloc[:, 2:].to_numpy().tolist()
+        chosen = (table.paper == paper) & (table.figure == item)
+        return table.loc[chosen].iloc[:, 2:].to_numpy().tolist()
 
     blocks = {
         name: (text.replace(r"\n", "\n"), colour, float(x), float(y))
@@ -74,9 +77,12 @@ def outline(ax: Axes, blocks: Blocks, ways: Ways, arrowstyle: str = "->") -> Non
             # The label is above a horizontal arrow, and to the left of any other.
             level = abs(way[1]) < 0.1
             ax.text(
-                x - (0 if level else 0.2), y + (0.05 if level else 0), word,
-                ha="center" if level else "right", va="bottom" if level else "center",
-            )  # fmt: skip
+                x - (0 if level else 0.2),
+                y + (0.05 if level else 0),
+                word,
+                ha="center" if level else "right",
+                va="bottom" if level else "center",
+            )
     width, height = HALF
     for text, fill, x, y in blocks.values():
         box(ax, (x - width, y - height), 2 * width, 2 * height, FILL[fill], text)
@@ -95,19 +101,31 @@ def box(
 ) -> None:
     """Draw a filled box with text in its centre."""
     style.box(
-        ax, *corner, width, height, text,
-        facecolor=colour, edgecolor=edge, linestyle=linestyle, zorder=2,
-    )  # fmt: skip
+        ax,
+        *corner,
+        width,
+        height,
+        text,
+        facecolor=colour,
+        edgecolor=edge,
+        linestyle=linestyle,
+        zorder=2,
+    )
 
 
 def arrow(ax: Axes, tail: Sequence[float], head: Sequence[float], arrowstyle: str = "->") -> None:
     """Draw an arrow between two points."""
     ax.add_patch(
         FancyArrowPatch(
-            (tail[0], tail[1]), (head[0], head[1]), arrowstyle=arrowstyle, mutation_scale=10,
-            color="0.3", shrinkA=0, shrinkB=0,
+            (tail[0], tail[1]),
+            (head[0], head[1]),
+            arrowstyle=arrowstyle,
+            mutation_scale=10,
+            color="0.3",
+            shrinkA=0,
+            shrinkB=0,
         )
-    )  # fmt: skip
+    )
 
 
 def fields(ax: Axes, rows: Mapping[str, Sequence[tuple[str, str, str]]]) -> Axes:

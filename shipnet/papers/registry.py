@@ -2,8 +2,7 @@
 
 The function of a *numeric* claim returns our number, and the function of a *qualitative* claim
 returns whether the statement holds. Functions have named inputs, so that a test can change an input
-and see the result change. Claims that differ only in their inputs share a function. A registered
-lambda has no docstring; its claim explains what it computes.
+and see the result change. Claims that differ only in their inputs share a function.
 """
 
 from __future__ import annotations
@@ -42,8 +41,8 @@ class Recomputation:
 
     @property
     def evidence(self) -> str:
-        """Full name of the function, or of its module if the function is a lambda."""
-        return f"{self.function.__module__}.{self.function.__name__}".removesuffix(".<lambda>")
+        """Full name of the function."""
+        return f"{self.function.__module__}.{self.function.__name__}"
 
 
 #: The papers by key, in the order in which they are shown.
@@ -61,16 +60,11 @@ REGISTRY: dict[str, Recomputation] = {}
 #: (paper, item) -> function that draws a printed figure on given axes.
 FIGURES: dict[tuple[str, str], Callable[..., Any]] = {}
 
-#: Paper -> the other paper whose modules register some of its claims.
-_LEANS_ON = {"icn2007": "kim2023", "kim2023": "icn2007"}
-
 
 def load(papers: Collection[str] = tuple(PAPERS)) -> None:
     """Import the modules for the claims of these papers only, because imports take time."""
-    wanted = {*papers, *(_LEANS_ON[paper] for paper in papers if paper in _LEANS_ON)}
-    for paper in PAPERS:
-        if paper in wanted:
-            importlib.import_module(f"shipnet.papers.{paper}")
+    for paper in papers:
+        importlib.import_module(f"shipnet.papers.{paper}")
 
 
 def numeric(*claims: str, **inputs: object) -> Callable[[Function], Function]:

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, number, part, record, switch, whole
+from shipnet.fields import check_fields, check_whole, number, part, record, switch, whole
 from shipnet.lazy import Axes, pd
 from shipnet.remote_control.faults import HOPS, Hop
 from shipnet.remote_control.packet import MarkerFormat
@@ -126,6 +126,7 @@ class Supervision:
     strict: bool = switch("Whether a limit must be exceeded, not only reached", default=True)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_whole("miss_limit", self.miss_limit, 0 if self.strict else 1, 1000)
 
     @classmethod
@@ -294,6 +295,7 @@ class System:
     ring_size: int = whole(2, 4096, "byte", "Size of the receive ring", default=128)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_whole("repeat", self.repeat, 0, self.n_items)
 
     @property

@@ -165,8 +165,14 @@ def _clear(axes: Axes) -> None:
 def _words(axes: Axes) -> tuple[str, ...]:
     """Return the text around the axes, which determines the layout."""
     legend = axes.get_legend()
-    texts = [*axes.get_xticklabels(), *axes.get_yticklabels(), axes.title, axes.xaxis.label,
-             axes.yaxis.label, *(legend.get_texts() if legend else ())]  # fmt: skip
+    texts = [
+        *axes.get_xticklabels(),
+        *axes.get_yticklabels(),
+        axes.title,
+        axes.xaxis.label,
+        axes.yaxis.label,
+        *(legend.get_texts() if legend else ()),
+    ]
     return tuple(text.get_text() for text in texts)
 
 
@@ -252,19 +258,19 @@ def read_state(content: bytes, tool: str, kind: type, file: str = "state") -> An
     return _record(_inputs(content, tool, file), kind, file)
 
 
-def _record(given: Mapping[str, Any], kind: type, file: str) -> Any:
+def _record(inputs: Mapping[str, Any], kind: type, file: str) -> Any:
     """Return a record of type `kind` with these values, or raise InputError with all faults."""
     kinds = declared(kind)
-    faults = [f"unknown input {name!r}" for name in given if name not in kinds]
-    faults += [f"input {name!r} is missing" for name in kinds if name not in given]
+    faults = [f"unknown input {name!r}" for name in inputs if name not in kinds]
+    faults += [f"input {name!r} is missing" for name in kinds if name not in inputs]
     if faults:
         raise InputError(file, *faults)
     # JSON has no tuples.
-    values = {name: tuple(v) if isinstance(v, list) else v for name, v in given.items()}
-    for name, asked in kinds.items():
+    values = {name: tuple(v) if isinstance(v, list) else v for name, v in inputs.items()}
+    for name, declaration in kinds.items():
         try:
-            asked.check(name, values[name], SimpleNamespace(**values))
-            asked.check_shown(name, values[name])
+            declaration.check(name, values[name], SimpleNamespace(**values))
+            declaration.check_shown(name, values[name])
         except ArgumentError as fault:
             faults.append(str(fault))
         except TypeError:

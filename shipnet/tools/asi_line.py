@@ -54,26 +54,47 @@ class AsiLine(Tool):
     """
 
     length: float = number(
-        1, 500, default=100.0, unit="m", slider=(10, 300), step=5, label="length",
+        1,
+        500,
+        default=100.0,
+        unit="m",
+        slider=(10, 300),
+        step=5,
+        label="length",
         help="Length of the cable. The standard allows 100 m without a repeater.",
-    )  # fmt: skip
+    )
     place: float = number(
-        0, 500, default=5.0, unit="m", slider=(0, 300), step=5, label="slave at",
+        0,
+        500,
+        default=5.0,
+        unit="m",
+        slider=(0, 300),
+        step=5,
+        label="slave at",
         help="Distance of the slave from master and supply, limited to the length of the cable.",
-    )  # fmt: skip
+    )
     cable: str = choice(
-        list(CABLE_CHOICES), default=next(iter(CABLE_CHOICES)), label="cable",
+        list(CABLE_CHOICES),
+        default=next(iter(CABLE_CHOICES)),
+        label="cable",
         help="Characteristic impedance and delay: nominal, or extremes of a data sheet.",
-    )  # fmt: skip
+    )
     terminator: bool = switch(
-        default=False, label="100 ohm at the end",
+        default=False,
+        label="100 ohm at the end",
         help="A terminator absorbs the echo but loads the line.",
-    )  # fmt: skip
+    )
     noise: float = number(
-        0, 10, default=0.0, unit="V", slider=(0, 1.5), step=0.05, label="noise in 2 MHz",
+        0,
+        10,
+        default=0.0,
+        unit="V",
+        slider=(0, 1.5),
+        step=0.05,
+        label="noise in 2 MHz",
         help="Standard deviation of white noise at the master, in a bandwidth of 2 MHz: "
         "1 V is 0.71 mV per root hertz.",
-    )  # fmt: skip
+    )
     data: int = whole(0, 15, default=6, label="data", help="The four bits of the response.")
     seed: int = whole(
         0, 999, default=0, slider=(0, 99), label="try", help="Each try has different noise."

@@ -33,34 +33,52 @@ class AsiNetwork(Tool):
         1, 2 * ADDRESSES, default=31, label="slaves", help="Above 31, some slaves share an address."
     )
     pairs: int = whole(
-        0, ADDRESSES, default=0, label="A/B pairs",
+        0,
+        ADDRESSES,
+        default=0,
+        label="A/B pairs",
         help="Number of addresses that an A and a B slave share; adjusted to the number of slaves.",
-    )  # fmt: skip
+    )
     structure: str = choice(
         {
             "line": "line: slaves along the cable",
             "star": "star: slaves on equal legs at the end of a trunk, which is 90 % of the cable",
             "ring": "ring: slaves along the cable, which returns to the master",
         },
-        default="line", label="structure",
+        default="line",
+        label="structure",
         help="Layout of the cable; the standard allows any.",
-    )  # fmt: skip
+    )
     length: float = number(
-        10, 300, default=100.0, unit="m", step=5, label="cable",
-        help="Total length of cable.",
-    )  # fmt: skip
+        10, 300, default=100.0, unit="m", step=5, label="cable", help="Total length of cable."
+    )
     supply: float = number(
-        0, 1, default=0.5, step=0.05, label="position of supply",
+        0,
+        1,
+        default=0.5,
+        step=0.05,
+        label="position of supply",
         help="0: beside the master, as always in a ring; 1: at the end of the line or trunk.",
-    )  # fmt: skip
+    )
     current_ma: float = number(
-        0, 500, default=65.0, unit="mA", slider=(0, 200), step=5, label="current per slave",
+        0,
+        500,
+        default=65.0,
+        unit="mA",
+        slider=(0, 200),
+        step=5,
+        label="current per slave",
         help="Current of each slave; it causes a voltage drop along the cable.",
-    )  # fmt: skip
+    )
     error_rate: float = number(
-        0, 1, default=0.0, slider=(0, 0.5), step=0.01, label="error rate",
+        0,
+        1,
+        default=0.0,
+        slider=(0, 0.5),
+        step=0.01,
+        label="error rate",
         help="Probability that an exchange with a slave fails and is repeated.",
-    )  # fmt: skip
+    )
 
     @property
     def shared(self) -> int:

@@ -44,24 +44,37 @@ class CanLoad(Tool):
     """
 
     text: str = text(
-        default=EXAMPLE, most=200_000, rows=12, label="message set",
+        default=EXAMPLE,
+        most=200_000,
+        rows=12,
+        label="message set",
         help="One message per line: name, arbitration_id, dlc, period_ms; other columns are "
         "optional. The text is read when you leave the editor.",
-    )  # fmt: skip
+    )
     bit_rate: int = choice(
         {rate: f"{rate / 1e3:g}" for rate in BIT_RATES},
-        default=125_000, slider=True, unit="kbit/s",
-        label="bit rate", help="Standard bit rates; a longer bus needs a lower one.",
-    )  # fmt: skip
+        default=125_000,
+        slider=True,
+        unit="kbit/s",
+        label="bit rate",
+        help="Standard bit rates; a longer bus needs a lower one.",
+    )
     errors_per_s: int = whole(
-        0, 1000, default=0, slider=(0, 100), unit="1/s", label="errors",
+        0,
+        1000,
+        default=0,
+        slider=(0, 100),
+        unit="1/s",
+        label="errors",
         help="Evenly spaced errors on the bus; each costs an error frame and a repetition.",
-    )  # fmt: skip
+    )
     offsets: str = choice(
-        ("not counted", "as listed", "spread"), default="not counted", label="offsets",
+        ("not counted", "as listed", "spread"),
+        default="not counted",
+        label="offsets",
         help="Fixed offsets between messages of one sender: not counted, as listed, or spread on "
         "a grid of 1 ms to keep the messages apart. Offsets can be counted only if errors are 0.",
-    )  # fmt: skip
+    )
 
     @cached_property
     def messages(self) -> MessageSet:
@@ -92,8 +105,10 @@ class CanLoad(Tool):
     def load(self) -> dict[str, float]:
         """Bus load, as a fraction, for each way of counting stuff bits."""
         counted: dict[str, Stuffing] = {
-            "no stuff bits": "none", "random data": "mean", "most stuff bits": "worst",
-        }  # fmt: skip
+            "no stuff bits": "none",
+            "random data": "mean",
+            "most stuff bits": "worst",
+        }
         return {name: bus_load(self.messages, self.bit_rate, way) for name, way in counted.items()}
 
     @cached_property

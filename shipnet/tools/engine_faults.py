@@ -12,7 +12,7 @@ from shipnet.engine.run import Run, Screen
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
-from shipnet.fields import choice, number, record
+from shipnet.fields import check_fields, choice, number, record
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
 
@@ -57,19 +57,29 @@ class EngineFaults(Tool):
     DESIGNS: ClassVar[Mapping[str, System]] = DESIGNS
 
     fault: str = choice(
-        list(FAULTS), default="box dead JB2", label="fault",
+        list(FAULTS),
+        default="box dead JB2",
+        label="fault",
         help=f"The fault begins {START:g} s after the start of the run; JB means junction box.",
-    )  # fmt: skip
+    )
     design: str = choice(
-        list(DESIGNS), default=next(iter(DESIGNS)), label="design",
+        list(DESIGNS),
+        default=next(iter(DESIGNS)),
+        label="design",
         help="The system as printed in lee2012, or with our corrections.",
-    )  # fmt: skip
+    )
     time: float = number(
-        2, _END, default=13.0, unit="s", step=0.25, label="time",
+        2,
+        _END,
+        default=13.0,
+        unit="s",
+        step=0.25,
+        label="time",
         help=f"Time at which the screen is shown; the fault begins at {START:g} s.",
-    )  # fmt: skip
+    )
 
     def __post_init__(self) -> None:
+        check_fields(self)
         chosen = FAULTS[self.fault]
         if chosen is not None and chosen.where not in DESIGNS[self.design].places[chosen.at]:
             raise ArgumentError(f"fault is {self.fault!r}; {self.design!r} has no such cable")

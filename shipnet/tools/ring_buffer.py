@@ -11,7 +11,8 @@ from typing import Any, ClassVar
 
 from matplotlib.axes import Axes
 
-from shipnet.fields import check_choice, choice, record, series
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_choice, check_fields, choice, part, record
 from shipnet.remote_control.packet import MarkerFormat, MarkerParser
 from shipnet.remote_control.ring_buffer import Ring, Rule, Step
 from shipnet.tools._tool import Tool
@@ -54,6 +55,9 @@ CASES = MappingProxyType(
 _ITEMS = 1
 _FORM = MarkerFormat(n_numbers=_ITEMS)
 
+#: Maximum number of actions; each picture repeats all of them.
+_MOST_ACTIONS = 2000
+
 
 @record
 class ReceiveRing(Tool):
@@ -76,10 +80,18 @@ class ReceiveRing(Tool):
     rule: Rule = choice(
         RULES, default="printed", label="reader", help="The rule that the reader follows."
     )
-    actions: tuple[str, ...] = series(
-        ACTIONS, default=(), most=2000, label="actions",
-        help="The actions so far, starting with an empty ring.",
-    )  # fmt: skip
+    actions: tuple[str, ...] = part(
+        tuple, "The actions so far, starting with an empty ring.", default=(), label="actions"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if len(self.actions) > _MOST_ACTIONS:
+            raise ArgumentError(
+                f"there are {len(self.actions)} actions; the limit is {_MOST_ACTIONS}"
+            )
+        for action in self.actions:
+            check_choice("one of actions", action, ACTIONS)
 
     def then(self, action: str) -> ReceiveRing:
         """Return the ring after one more action, such as ``"byte"`` or ``"repair"``."""

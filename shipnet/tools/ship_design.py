@@ -27,7 +27,7 @@ from shipnet.design.settings import Settings, names
 from shipnet.design.tables import zipped
 from shipnet.design.words import Reading
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import choice, number, record, switch, text
+from shipnet.fields import check_fields, choice, number, record, switch, text
 from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, Upload, View
@@ -48,9 +48,16 @@ _CABINET = "26, 6, 14"
 _FOLDS = {
     "I/O list and cabinet": ("points", "name", "cabinet"),
     "limits and prices": (
-        "rules", "update_ms", "list_lengths", "detour", "spare", "labour", "parts", "own",
+        "rules",
+        "update_ms",
+        "list_lengths",
+        "detour",
+        "spare",
+        "labour",
+        "parts",
+        "own",
     ),
-}  # fmt: skip
+}
 
 #: Maximum length of a list in characters, and in bytes as JSON; a saved state has at most 2 MB.
 _LONGEST = 1_000_000
@@ -77,9 +84,16 @@ _SEED = 2024
 
 #: Prefixes of the names of assumptions about the parts of a bus, without its cable.
 _BUS_PARTS = (
-    "asi_", "can_", "modbus_", "station_", "second_interface", "supply", "repeater", "terminator",
+    "asi_",
+    "can_",
+    "modbus_",
+    "station_",
+    "second_interface",
+    "supply",
+    "repeater",
+    "terminator",
     "gateway",
-)  # fmt: skip
+)
 
 
 def _examples() -> Mapping[str, str]:
@@ -116,83 +130,122 @@ class ShipDesign(Tool):
     EXAMPLES: ClassVar[Mapping[str, str]] = EXAMPLES
 
     points: str = text(
-        default=EXAMPLES["main engine"], most=_LONGEST, rows=6, label="I/O list",
+        default=EXAMPLES["main engine"],
+        most=_LONGEST,
+        rows=6,
+        label="I/O list",
         help="One row per point, pasted from a spreadsheet or as CSV: tag, type or signal, and x, "
         "y, z or the length of its home run. The list is read when you leave the editor.",
-    )  # fmt: skip
+    )
     name: str = text(
-        default="main engine (synthetic)", most=80, label="name of the list",
+        default="main engine (synthetic)",
+        most=80,
+        label="name of the list",
         help="Title in the report.",
-    )  # fmt: skip
+    )
     cabinet: str = text(
-        default=_CABINET, most=60, hint="inferred from the list", label="cabinet x, y, z [m]",
+        default=_CABINET,
+        most=60,
+        hint="inferred from the list",
+        label="cabinet x, y, z [m]",
         help="Position at which the cables end; if empty, it is inferred from the list's lengths.",
-    )  # fmt: skip
+    )
     home_runs: bool = switch(
         default=True, label="home runs", help="A cable from each point to the cabinet."
     )
     junction_boxes: bool = switch(
-        default=True, label="junction boxes",
+        default=True,
+        label="junction boxes",
         help="A cable from each point to a box, and a multi-pair cable from there to the cabinet.",
-    )  # fmt: skip
+    )
     asi: bool = switch(
         default=True, label="AS-i", help="Modules on a two-wire line that also carries the supply."
     )
     can: bool = switch(default=True, label="CAN", help="Stations on a trunk.")
     modbus: bool = switch(default=True, label="Modbus RTU", help="Stations polled over RS-485.")
     mixed: str = choice(
-        {name: name for name in ("none", *MIXES)}, default="none", label="a mix",
+        {name: name for name in ("none", *MIXES)},
+        default="none",
+        label="a mix",
         help="One more option, which connects some points by one method and the others by another. "
         "With few boxes and stations, a mix may cost more than either method alone.",
-    )  # fmt: skip
+    )
     doubled: bool = switch(
         default=True, label="two lines", help="Also compare CAN and Modbus with doubled trunks."
     )
     rules: str = choice(
-        {name: name for name in RULE_SETS}, default="DNV", label="rules",
+        {name: name for name in RULE_SETS},
+        default="DNV",
+        label="rules",
         help="The rules to check. A rule counts as not verified, never as met, if the "
         "plan cannot show that it is met or if none of us has read the rule.",
-    )  # fmt: skip
+    )
     update_ms: int = choice(
         {0: "as listed", 1000: "1000", 500: "500", 200: "200", 100: "100", 50: "50", 20: "20"},
         default=0,
-        unit="ms", slider=True, label="update, at most",
+        unit="ms",
+        slider=True,
+        label="update, at most",
         help="Limit for the update time of every point; reduce it to see which bus fails first.",
-    )  # fmt: skip
+    )
     list_lengths: bool = switch(
-        default=True, label="lengths of the list",
+        default=True,
+        label="lengths of the list",
         help="Use the cable lengths in the list. If off, all lengths are "
         "computed from positions, so that all options are compared on the same basis.",
-    )  # fmt: skip
+    )
     detour: float = number(
-        1, 2, default=1.15, step=0.05, label="detour",
+        1,
+        2,
+        default=1.15,
+        step=0.05,
+        label="detour",
         help="Laid length of a cable as a multiple of its route parallel to the axes. Assumed.",
-    )  # fmt: skip
+    )
     spare: float = number(
-        0, 1, default=0.2, step=0.05, label="spare pairs",
+        0,
+        1,
+        default=0.2,
+        step=0.05,
+        label="spare pairs",
         help="Spare pairs of a multi-pair cable, as a fraction of the pairs in use. Assumed.",
-    )  # fmt: skip
+    )
     labour: float = number(
-        10, 200, default=55.0, step=5, unit="EUR/h", label="labour rate",
+        10,
+        200,
+        default=55.0,
+        step=5,
+        unit="EUR/h",
+        label="labour rate",
         help="Hourly cost of an electrician, with overhead; low and high scale with it. Assumed.",
-    )  # fmt: skip
+    )
     parts: float = number(
-        0.25, 4, default=1.0, step=0.05, label="price of bus parts",
+        0.25,
+        4,
+        default=1.0,
+        step=0.05,
+        label="price of bus parts",
         help="Modules, stations, masters and supplies, as a multiple of the assumed prices.",
-    )  # fmt: skip
+    )
     own: str = text(
-        default="", most=20_000, rows=4,
-        hint="[asi]\nlength = 200", label="other limits and prices",
+        default="",
+        most=20_000,
+        rows=4,
+        hint="[asi]\nlength = 200",
+        label="other limits and prices",
         help="Lines of a settings file: bit rates, lengths, currents, load, prices, time in "
         "the host. They override the controls. All settings are in settings.toml, below.",
-    )  # fmt: skip
+    )
     picture: str = choice(
-        PICTURES, default="cost", label="figure",
+        PICTURES,
+        default="cost",
+        label="figure",
         help="Filled dots are Pareto-optimal with respect to both axes. The assumptions shown "
         "matter most to the cost difference between the first option and the cheapest other one.",
-    )  # fmt: skip
+    )
 
     def __post_init__(self) -> None:
+        check_fields(self)
         # JSON writes most non-ASCII characters as six characters, and a line break as two.
         beyond = len(self.points.encode("ascii", errors="ignore"))
         size = 6 * (len(self.points) - beyond) + beyond + self.points.count("\n")
@@ -203,10 +256,15 @@ class ShipDesign(Tool):
     def options(self) -> tuple[str, ...]:
         """The options to compare."""
         chosen = {
-            "home runs": self.home_runs, "junction boxes": self.junction_boxes, "AS-i": self.asi,
-            "CAN": self.can, "CAN doubled": self.can and self.doubled, "Modbus RTU": self.modbus,
-            "Modbus RTU doubled": self.modbus and self.doubled, self.mixed: self.mixed != "none",
-        }  # fmt: skip
+            "home runs": self.home_runs,
+            "junction boxes": self.junction_boxes,
+            "AS-i": self.asi,
+            "CAN": self.can,
+            "CAN doubled": self.can and self.doubled,
+            "Modbus RTU": self.modbus,
+            "Modbus RTU doubled": self.modbus and self.doubled,
+            self.mixed: self.mixed != "none",
+        }
         return tuple(option for option, wanted in chosen.items() if wanted)
 
     @cached_property
@@ -222,9 +280,11 @@ class ShipDesign(Tool):
     def _settings(self) -> Settings:
         """Return the values of the controls, overridden by the user's own settings."""
         values: dict[str, object] = {
-            "spare": self.spare, "list_lengths": self.list_lengths,
-            "detour": self.detour, **_prices(self.labour, self.parts),
-        }  # fmt: skip
+            "spare": self.spare,
+            "list_lengths": self.list_lengths,
+            "detour": self.detour,
+            **_prices(self.labour, self.parts),
+        }
         given = Settings.parse(self.own, "limits and prices")
         words = {table: dict(pairs) for table, pairs in given.reading._asdict().items()}
         return Settings(values | dict(given.changes()["value"]) | words)
@@ -274,23 +334,34 @@ class ShipDesign(Tool):
             points = EXAMPLES[name]
             said = f"{points.count(chr(10)) - 1} points, synthetic; they replace the list above."
             return Button(
-                f"example: {name}", said,
+                f"example: {name}",
+                said,
                 lambda inputs: replace(
                     inputs, points=points, name=f"{name} (synthetic)", cabinet=cabinet
                 ),
-            )  # fmt: skip
+            )
 
         report = Button(
-            "make the report", "One file to read offline and print: tables, figures, rules and all "
+            "make the report",
+            "One file to read offline and print: tables, figures, rules and all "
             "assumptions. tables.zip has the cables, terminals, points and drawing of each "
-            "option. Buttons to download both files appear at the foot of the page.", ask,
-        )  # fmt: skip
+            "option. Buttons to download both files appear at the foot of the page.",
+            ask,
+        )
         uploads = [
-            Upload("load a list", "A CSV or Excel file to replace the list above.",
-                   ".csv,.txt,.xlsx", from_file),
-            Upload("load settings", "Limits and prices, as TOML; they replace those above.",
-                   ".toml,.txt", settings_from_file),
-        ]  # fmt: skip
+            Upload(
+                "load a list",
+                "A CSV or Excel file to replace the list above.",
+                ".csv,.txt,.xlsx",
+                from_file,
+            ),
+            Upload(
+                "load settings",
+                "Limits and prices, as TOML; they replace those above.",
+                ".toml,.txt",
+                settings_from_file,
+            ),
+        ]
         buttons = [example("main engine", _CABINET), example("ship", ""), report]
         return {"see": see, "folds": _FOLDS, "buttons": buttons, "uploads": uploads}
 

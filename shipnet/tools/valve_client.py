@@ -43,25 +43,43 @@ class ValveClient(Tool):
     """
 
     address: str = text(
-        default="", hint="own server", label="address",
+        default="",
+        hint="own server",
+        label="address",
         help="Name or address of a server. If empty, the page uses its own server.",
-    )  # fmt: skip
+    )
     port: int = whole(
-        1, 0xFFFF, default=5020, typed=True, label="port",
+        1,
+        0xFFFF,
+        default=5020,
+        typed=True,
+        label="port",
         help="Port of the server; ignored without an address.",
-    )  # fmt: skip
+    )
     valves: int = whole(
-        1, MAX_UNIT, default=_OWN, typed=True, label="valves shown",
+        1,
+        MAX_UNIT,
+        default=_OWN,
+        typed=True,
+        label="valves shown",
         help=f"The page's own server has {_OWN}.",
-    )  # fmt: skip
+    )
     valve: int = whole(
-        1, MAX_UNIT, default=1, at_most="valves", label="valve",
+        1,
+        MAX_UNIT,
+        default=1,
+        at_most="valves",
+        label="valve",
         help="The valve that the buttons command.",
-    )  # fmt: skip
+    )
     target: int = whole(
-        0, 100, default=40, unit="%", label="position",
+        0,
+        100,
+        default=40,
+        unit="%",
+        label="position",
         help="Position to which the button 'position' moves the valve.",
-    )  # fmt: skip
+    )
 
     @cached_property
     def result(self) -> Readout:

@@ -36,9 +36,15 @@ _BASE: RuleBase = rule_base()
 def _sensor(name: str, default: float, label: str, help: str) -> Any:
     variable = _BASE[name]
     return number(
-        variable.low, variable.high, default=default, unit=variable.unit, step=0.05, missing=True,
-        label=label, help=help,
-    )  # fmt: skip
+        variable.low,
+        variable.high,
+        default=default,
+        unit=variable.unit,
+        step=0.05,
+        missing=True,
+        label=label,
+        help=help,
+    )
 
 
 @record
@@ -72,9 +78,13 @@ class ValveDiagnosis(Tool):
         default=True, label="a command is active", help="The valve has not yet reached its target."
     )
     threshold: float = number(
-        0.05, 1.0, default=0.5, step=0.05, label="alarm threshold",
+        0.05,
+        1.0,
+        default=0.5,
+        step=0.05,
+        label="alarm threshold",
         help="Minimum firing strength for a rule to be active.",
-    )  # fmt: skip
+    )
 
     @property
     def readings(self) -> dict[str, list[float]]:
@@ -111,14 +121,21 @@ class ValveDiagnosis(Tool):
         labels = [f"{code}  {_BASE.rule(code).english}" for code in codes]
         ax.set_yticks(range(len(codes)), labels)
         ax.axvline(
-            self.threshold, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"],
+            self.threshold,
+            color=style.LIMIT["color"],
+            linestyle=style.LIMIT["linestyle"],
             label="alarm threshold",
-        )  # fmt: skip
+        )
         places = [codes.index(code) for code in self.printed]
         ax.plot(
-            [1.03] * len(places), places, "x", color="0.2", markersize=6, clip_on=False,
+            [1.03] * len(places),
+            places,
+            "x",
+            color="0.2",
+            markersize=6,
+            clip_on=False,
             label="fires as printed",
-        )  # fmt: skip
+        )
         ax.set_ylim(len(codes) - 0.4, -0.6)
         ax.set_xlim(0, 1.06)
         ax.set_xticks([0, 0.25, 0.5, 0.75, 1])
@@ -183,14 +200,22 @@ class ValveDiagnosis(Tool):
 @dataclass(frozen=True, slots=True)
 class _Plant:
     fault: str = choice(
-        [NORMAL, *FAULTS], default=NORMAL, label="fault",
+        [NORMAL, *FAULTS],
+        default=NORMAL,
+        label="fault",
         help="A fault of the simulated plant, which determines the readings.",
-    )  # fmt: skip
+    )
     severity: float = number(
-        0, 1, default=1.0, step=0.01, label="its severity",
+        0,
+        1,
+        default=1.0,
+        step=0.01,
+        label="its severity",
         help="0 is healthy, 1 is the full fault.",
-    )  # fmt: skip
+    )
     state: str = choice(
-        list(STATES), default="opening", label="the valve is",
+        list(STATES),
+        default="opening",
+        label="the valve is",
         help="State of the valve; a moving valve starts half open and is read after 4 s.",
-    )  # fmt: skip
+    )

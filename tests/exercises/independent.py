@@ -84,8 +84,8 @@ def wait_ms(m, blocking=1.08, stops=1, own=True):
 def slack_of(m, order):
     messages = can.MessageSet.parse(m["messages"])
     names = order(messages)
-    found = can.response_times(messages.ordered(names), 125_000)
-    return 1e3 * min(one.message.deadline - one.response for one in found)
+    responses = can.response_times(messages.ordered(names), 125_000)
+    return 1e3 * min(one.message.deadline - one.response for one in responses)
 
 
 def sent(m, first=-1, function=3, order="big", quantity=0):
@@ -134,12 +134,12 @@ def bits(found):
 
 
 def rows(m, change):
-    found = []
+    rows = []
     pattern = ([1] * m["burst"] + [0] * (m["period"] - m["burst"])) * 10
     for n in (5, 10, 20):
         most = max(sum(pattern[i : i + n]) for i in range(m["period"]))
-        found.append(change(n, most, m["step"]))
-    return found
+        rows.append(change(n, most, m["step"]))
+    return rows
 
 
 def row(n, k, delay):

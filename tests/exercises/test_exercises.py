@@ -90,28 +90,28 @@ def test_every_numbered_lesson_has_a_source():
 @LESSONS
 def test_tags_agree(source):
     number = source.name[:2]
-    found = keys(source)
-    assert found == [f"ex-{number}-{k}" for k in range(1, len(found) + 1)]
-    assert 3 <= len(found) <= 4
-    assert set(found) == {one.key for one in exercises(int(number))}
+    keys_found = keys(source)
+    assert keys_found == [f"ex-{number}-{k}" for k in range(1, len(keys_found) + 1)]
+    assert 3 <= len(keys_found) <= 4
+    assert set(keys_found) == {one.key for one in exercises(int(number))}
     checks = [cell for cell in lesson(source).cells if "check" in editions.tags(cell)]
-    assert [editions.keys(cell) for cell in checks] == [[key] for key in found]
-    for cell, key in zip(checks, found, strict=True):
+    assert [editions.keys(cell) for cell in checks] == [[key] for key in keys_found]
+    for cell, key in zip(checks, keys_found, strict=True):
         assert re.fullmatch(rf'check\("{key}", {exercise(key).variable}(, me)?\)', cell.source)
 
 
 @LESSONS
 @pytest.mark.parametrize("name", NAMES)
 def test_every_solution_is_accepted(source, name):
-    found = verdicts(source, True, name)
-    assert list(found) == keys(source)
-    assert [str(verdict) for verdict in found.values()] == [f"{key}: correct" for key in found]
+    results = verdicts(source, True, name)
+    assert list(results) == keys(source)
+    assert [str(verdict) for verdict in results.values()] == [f"{key}: correct" for key in results]
 
 
 @LESSONS
 def test_every_stub_says_that_nothing_is_solved(source):
-    found = verdicts(source, False, "Kim")
-    assert [str(verdict) for verdict in found.values()] == [
+    results = verdicts(source, False, "Kim")
+    assert [str(verdict) for verdict in results.values()] == [
         f"{key}: not solved yet" for key in keys(source)
     ]
 
@@ -165,15 +165,17 @@ def test_each_mistake_is_refused_and_named_unless_another_one_gives_the_same(key
         right, mistakes, begin = hints(solved, numbers)
         assert len(mistakes) >= 5
         for hint, wrong in mistakes.items():
-            said = solved.fault(wrong, Drawn(numbers))
-            assert said is not None, f"{numbers}: {hint!r} is right"
-            assert said == hint or said.endswith(f". {begin}"), f"{numbers}: {hint!r} got {said!r}"
-            named[hint] += said == hint
-            if said != hint:
+            fault = solved.fault(wrong, Drawn(numbers))
+            assert fault is not None, f"{numbers}: {hint!r} is right"
+            assert fault == hint or fault.endswith(f". {begin}"), (
+                f"{numbers}: {hint!r} got {fault!r}"
+            )
+            named[hint] += fault == hint
+            if fault != hint:
                 answer = right.read(wrong)
                 same = [w for w in mistakes.values() if not replace(right, value=w).fault(answer)]
                 assert len(same) > 1
-            assert not gives_away(said, right), f"{numbers}: {said!r}"
+            assert not gives_away(fault, right), f"{numbers}: {fault!r}"
     # A hint that hardly anybody gets is one that the numbers of the exercise hide.
     assert key == "ex-05-4" or min(named.values()) > n_draws / 4, named.most_common()[-1]
 
@@ -215,12 +217,12 @@ def test_a_typical_wrong_answer_is_refused_and_leads_on(key, wrong):
     for numbers in draws(one, 8):
         right, mistakes, begin = hints(one, numbers)
         answer = wrong(numbers, right.value)
-        said = one.fault(answer, Drawn(numbers))
-        if said is None:  # a wrong way may lead to the right answer with some numbers
+        fault = one.fault(answer, Drawn(numbers))
+        if fault is None:  # a wrong way may lead to the right answer with some numbers
             assert right.fault(right.read(answer)) is None and right.value is not answer
             continue
-        assert said in mistakes or said.endswith(("?", f". {begin}")) or " stops on " in said
-        assert not gives_away(said, right)
+        assert fault in mistakes or fault.endswith(("?", f". {begin}")) or " stops on " in fault
+        assert not gives_away(fault, right)
 
 
 @pytest.mark.parametrize("key", EXERCISES)
@@ -252,8 +254,8 @@ def test_a_quantity_guessed_by_chance_hardly_ever_gets_a_diagnosis():
 def test_an_answer_that_two_mistakes_give_gets_no_diagnosis():
     numbers = {"registers": 8, "rate": 9600}  # 8N1, or without the CRC: both are 20 ms or nearly
     one = exercise("ex-06-2")
-    said = one.fault(10e3 * 21 / 9600, Drawn(numbers))
-    assert said == f"not right yet. {hints(one, numbers)[2]}"
+    fault = one.fault(10e3 * 21 / 9600, Drawn(numbers))
+    assert fault == f"not right yet. {hints(one, numbers)[2]}"
 
 
 #: What may be tried one after the other until the check says yes.
@@ -271,8 +273,8 @@ def test_no_hint_says_which_part_of_an_answer_is_wrong(key):
             near = [right.value + "10"[k] * 2 for k in range(2)]
         else:
             near = [right.value + 3, right.value + 4]
-        said = {one.fault(answer, Drawn(numbers)) for answer in near} - set(mistakes)
-        assert {re.sub(r"these \d+ bits", "these bits", text) for text in said} <= {
+        faults = {one.fault(answer, Drawn(numbers)) for answer in near} - set(mistakes)
+        assert {re.sub(r"these \d+ bits", "these bits", text) for text in faults} <= {
             f"not right yet. {begin}",
             f"these bits are not right yet. {begin}",
             f"far too large. {begin}",
@@ -522,11 +524,11 @@ def test_a_function_is_stopped_in_any_thread(monkeypatch):
             except Exception:
                 pass
 
-    said = []
-    thread = Thread(target=lambda: said.append(check("ex-05-2", endless)))
+    reports = []
+    thread = Thread(target=lambda: reports.append(check("ex-05-2", endless)))
     thread.start()
     thread.join(60)
-    assert "did not end within" in said[0].text
+    assert "did not end within" in reports[0].text
 
 
 TABLE = Table([{"n": 1, "cycle": 0.5}, {"n": 31, "cycle": 5.0}], {"cycle": "ms"})
@@ -558,9 +560,9 @@ def test_a_table_is_compared_row_by_row():
     ],
 )
 def test_a_table_of_another_form_gets_an_example_of_a_row(given, hint):
-    said = said_of(TABLE, given)
-    assert hint in said
-    assert not given or "such as {'n': ..., 'cycle': ...}" in said
+    message = said_of(TABLE, given)
+    assert hint in message
+    assert not given or "such as {'n': ..., 'cycle': ...}" in message
 
 
 # Students and names

@@ -76,21 +76,25 @@ HOSTILE = {
     "deep answer": ("rate_kbit = []\nfor _ in range(9999): rate_kbit = [rate_kbit]", "a number"),
     "hostile answer": ("class Bad:\n __class__ = 1 / 0\nrate_kbit = Bad()", "ZeroDivisionError"),
     "patched check": (
-        "import shipnet.exercises as x\nx.check = lambda *a: True\nrate_kbit = 1e9", "",
+        "import shipnet.exercises as x\nx.check = lambda *a: True\nrate_kbit = 1e9",
+        "",
     ),
     "patched judge": (
         "import shipnet.exercises.exercise as x, json\njson.dumps = lambda *a: '{\"value\": 1e9}'\n"
-        "rate_kbit = 1e9", "",
+        "rate_kbit = 1e9",
+        "",
     ),
     "written to the pipe": (
-        "import os\nfor n in range(3, 9):\n try: os.write(n, b'{\"value\": {\"set\": [[]]}}\\n')\n"
-        " except OSError: pass\nrate_kbit = 1e9", "",
+        'import os\nfor n in range(3, 9):\n try: os.write(n, b\'{"value": {"set": [[]]}}\\n\')\n'
+        " except OSError: pass\nrate_kbit = 1e9",
+        "",
     ),
     "flood of the pipe": (
         "import os, time\nfor n in range(3, 9):\n try:\n  os.write(n, b'7' * (1 << 21))\n"
-        "  os.close(n)\n except OSError: pass\ntime.sleep(20)", "stopped",
+        "  os.close(n)\n except OSError: pass\ntime.sleep(20)",
+        "stopped",
     ),
-}  # fmt: skip
+}
 
 
 #: Those that break the pipe of their own process spoil their other answers too.
@@ -100,16 +104,16 @@ OWN_LOSS = ("patched judge", "written to the pipe")
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_a_hostile_hand_in_gets_a_verdict_and_spoils_no_other_exercise(kind, tmp_path, monkeypatch):
     monkeypatch.setattr("shipnet.exercises.grading.LIMIT", 2.0)
-    cell, said = HOSTILE[kind]
+    cell, verdict = HOSTILE[kind]
     if "rate_kbit" not in cell:
         cell += "\nrate_kbit = 1"
     other = [RIGHT, 'check("ex-04-3", efficiency_of)']
     write(tmp_path / "hostile.ipynb", ME, cell, *checks(1), *other)
     write(tmp_path / "honest.ipynb", ME.replace("Ann", "Ben"), *other)
     verdicts = of(tmp_path, ["file", "exercise"])
-    found = verdicts["hostile.ipynb", "ex-01-4"]
-    assert said in found
-    assert found not in ("correct", "not solved yet")
+    graded = verdicts["hostile.ipynb", "ex-01-4"]
+    assert verdict in graded
+    assert graded not in ("correct", "not solved yet")
     missing = "NameError: name 'time_us' is not defined"
     assert (verdicts["hostile.ipynb", "ex-01-2"] == missing) or kind in OWN_LOSS
     assert verdicts["honest.ipynb", "ex-04-3"] == "correct"
@@ -156,8 +160,8 @@ def test_a_hand_in_that_ends_its_parent_affects_only_its_own_row(signal, tmp_pat
     write(tmp_path / "a.ipynb", ME, SIGNAL.format(signal), *checks(4))
     write(tmp_path / "b.ipynb", *solution(5, "Ben"))
     grades = grade(str(tmp_path))[0]
-    said = "not graded: its process ended or did not end in time"
-    assert grades["flags"].tolist() == [said, ""]
+    flag = "not graded: its process ended or did not end in time"
+    assert grades["flags"].tolist() == [flag, ""]
     assert grades["points"].tolist() == [0, 4]
 
 

@@ -19,14 +19,14 @@ def findings(*verdicts):
     ],
 )
 def test_findings_are_summarised_in_one_line(verdicts, ok, line):
-    found = findings(*verdicts)
-    assert (found.ok, found.verdict, len(found)) == (ok, line, len(verdicts))
-    assert repr(found) == f"<Findings: {line}>"
+    answer = findings(*verdicts)
+    assert (answer.ok, answer.verdict, len(answer)) == (ok, line, len(verdicts))
+    assert repr(answer) == f"<Findings: {line}>"
 
 
 def test_violations_are_listed_and_the_table_is_a_copy():
-    found = findings("met", "violated")
-    assert found.violated()["object"].tolist() == ["line 1"]
-    table = found.table()
+    answer = findings("met", "violated")
+    assert answer.violated()["object"].tolist() == ["line 1"]
+    table = answer.table()
     table["verdict"] = "met"
-    assert found.ok is False
+    assert answer.ok is False

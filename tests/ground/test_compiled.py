@@ -146,8 +146,10 @@ def start(folder, steps):
     return subprocess.Popen(
         [sys.executable, "-W", "error", "-c", PROGRAM, str(steps)],
         env=os.environ | {"HOME": str(folder), "USERPROFILE": str(folder)},
-        cwd=folder, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
 
 
 def printed(process):

@@ -70,7 +70,9 @@ def test_known_modbus_frames_end_with_their_check_value(message, line):
 @pytest.mark.parametrize("check", ALL)
 def test_rows_give_the_same_as_single_messages(check):
     rows = np.random.default_rng(1).integers(0, 256, (3, 40, 12), dtype=np.uint8)
-    assert check.of(rows).tolist() == [[check.of(row.tobytes()) for row in own] for own in rows]
+    assert check.of(rows).tolist() == [
+        [check.of(row.tobytes()) for row in codewords] for codewords in rows
+    ]
 
 
 def test_leading_zeros_do_not_count_for_can():

@@ -15,11 +15,11 @@ def test_error_codes_have_names():
 
 @pytest.mark.parametrize("kind", [ArgumentError, SymbolError, lambda text: InputError("f", text)])
 def test_a_long_value_is_quoted_without_its_middle(kind):
-    said = str(kind(f"row 7, column x: signal is {'A' * 70_000!r}; it must be one of AI, DI"))
-    assert len(said) < 303
-    assert "row 7, column x: signal is 'AAAA" in said
-    assert said.endswith("AAAA'; it must be one of AI, DI")
-    assert " ... " in said
+    message = str(kind(f"row 7, column x: signal is {'A' * 70_000!r}; it must be one of AI, DI"))
+    assert len(message) < 303
+    assert "row 7, column x: signal is 'AAAA" in message
+    assert message.endswith("AAAA'; it must be one of AI, DI")
+    assert " ... " in message
 
 
 def test_no_message_is_longer_than_ten_faults_of_300_characters():

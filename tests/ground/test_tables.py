@@ -13,9 +13,11 @@ from shipnet.design.iolist import IoList, read_iolist
 from shipnet.errors import InputError
 from shipnet.tables import parse_sheet, read_bytes, read_sheet, text_of
 
-LIST = [["Tag No.", "I/O", "Signal type", "X [m]", "Y [m]", "Z [m]", "Update [s]"],
-        ["LS-1", "DI", "limit switch", 1.5, 2, 3, 0.5],
-        [1001, "AI", "4-20 mA", -1, 0, 2.25, 1]]  # fmt: skip
+LIST = [
+    ["Tag No.", "I/O", "Signal type", "X [m]", "Y [m]", "Z [m]", "Update [s]"],
+    ["LS-1", "DI", "limit switch", 1.5, 2, 3, 0.5],
+    [1001, "AI", "4-20 mA", -1, 0, 2.25, 1],
+]
 
 
 def workbook(path, *sheets):
@@ -52,9 +54,12 @@ def test_the_example_ship_is_the_same_from_a_workbook(tmp_path):
 
 
 def test_dates_errors_and_booleans_in_a_workbook_are_faults(tmp_path):
-    rows = [LIST[0], ["LS-1", "DI", "contact", datetime.datetime(1905, 7, 2), True, 3, "1,5"],
-            [datetime.date(2026, 1, 2), "DI", "contact", 1, 2, "#REF!", 1],
-            ["#N/A", *LIST[1][1:]]]  # fmt: skip
+    rows = [
+        LIST[0],
+        ["LS-1", "DI", "contact", datetime.datetime(1905, 7, 2), True, 3, "1,5"],
+        [datetime.date(2026, 1, 2), "DI", "contact", 1, 2, "#REF!", 1],
+        ["#N/A", *LIST[1][1:]],
+    ]
     path = workbook(tmp_path / "list.xlsx", ("list", rows))
     with pytest.raises(InputError) as error:
         read_iolist(path)
@@ -123,7 +128,7 @@ def archive(**files):
         (bytes(2**24 + 1), "is larger than 16777216 bytes"),
     ],
     ids=["torn", "ods", "xls", "binary", "large"],
-)  # fmt: skip
+)
 def test_files_that_are_not_tables_are_refused(data, message, tmp_path):
     path = tmp_path / "list.xlsx"
     path.write_bytes(data)
@@ -209,9 +214,12 @@ def test_a_hidden_sheet_is_read_only_by_its_name(tmp_path):
 def test_other_sheets_with_such_a_table_are_reported(tmp_path):
     other = [LIST[0], ["FO-1", *LIST[1][1:]]]
     path = workbook(
-        tmp_path / "list.xlsx", ("Cover", [["Hull 1234"]]), ("Bilge", LIST), ("Fuel", [[], *other]),
+        tmp_path / "list.xlsx",
+        ("Cover", [["Hull 1234"]]),
+        ("Bilge", LIST),
+        ("Fuel", [[], *other]),
         ("Cargo", other),
-    )  # fmt: skip
+    )
     iolist = read_iolist(path)
     assert iolist.remarks == ("read: sheet Bilge; not read: Cover, Fuel, Cargo",)
     assert read_iolist(path, sheet="Fuel").remarks == ()

@@ -44,9 +44,12 @@ def parts(*sheets, strings="", styles="", settings=""):
     kinds = {"/xl/workbook.xml": "sheet.main"} | {
         f"/xl/worksheets/sheet{n}.xml": "worksheet" for n, _ in numbered
     }
-    types = "".join(f'<Override PartName="{k}" ContentType="{TYPE.format(v)}"/>'
-                    for k, v in (kinds | {"/xl/sharedStrings.xml": "sharedStrings",
-                                          "/xl/styles.xml": "styles"}).items())  # fmt: skip
+    types = "".join(
+        f'<Override PartName="{k}" ContentType="{TYPE.format(v)}"/>'
+        for k, v in (
+            kinds | {"/xl/sharedStrings.xml": "sharedStrings", "/xl/styles.xml": "styles"}
+        ).items()
+    )
     return {
         "[Content_Types].xml": f'<Types xmlns="{CONTENT}">{types}</Types>',
         "_rels/.rels": relations(a=("officeDocument", "xl/workbook.xml")),
@@ -139,14 +142,29 @@ values = st.one_of(
     st.booleans(),
     st.integers(-(10**15), 10**15),
     st.floats(allow_nan=False, allow_infinity=False).map(lambda x: float(f"{x:.15g}")),
-    st.text(st.characters(exclude_categories=["Cs", "Cc"], exclude_characters="\ufffe\uffff"),
-            max_size=8).filter(lambda text: not text.startswith("=") and "_x" not in text),
+    st.text(
+        st.characters(exclude_categories=["Cs", "Cc"], exclude_characters="\ufffe\uffff"),
+        max_size=8,
+    ).filter(lambda text: not text.startswith("=") and "_x" not in text),
     st.datetimes(datetime(1900, 3, 1), datetime(2100, 1, 1)).map(
         lambda moment: moment.replace(microsecond=0)
     ),
-    st.sampled_from([*ERRORS, "a\nb", " pad ", "'=A1", time(12, 30), date(2026, 1, 2),
-                     timedelta(hours=30), timedelta(0), 1e300, 5e-324, -0.0]),
-)  # fmt: skip
+    st.sampled_from(
+        [
+            *ERRORS,
+            "a\nb",
+            " pad ",
+            "'=A1",
+            time(12, 30),
+            date(2026, 1, 2),
+            timedelta(hours=30),
+            timedelta(0),
+            1e300,
+            5e-324,
+            -0.0,
+        ]
+    ),
+)
 
 
 @given(st.lists(st.lists(values, max_size=5), max_size=5))
@@ -158,13 +176,12 @@ def test_every_cell_is_what_openpyxl_reads(table):
 
 def test_rows_keep_the_numbers_that_excel_shows():
     row = "<row r='{0}'><c r='B{0}'><v>{0}</v></c></row>".format
-    assert rows(row(3) + "<row r='5'/>" + row(9)) == [
-        (3, ["", "3"], {}), (9, ["", "9"], {}),
-    ]  # fmt: skip
+    assert rows(row(3) + "<row r='5'/>" + row(9)) == [(3, ["", "3"], {}), (9, ["", "9"], {})]
     # Some programs number neither rows nor cells.
     assert rows("<row><c><v>1</v></c><c/><c><v>3</v></c></row><row><c><v>4</v></c></row>") == [
-        (1, ["1", "", "3"], {}), (2, ["4"], {}),
-    ]  # fmt: skip
+        (1, ["1", "", "3"], {}),
+        (2, ["4"], {}),
+    ]
 
 
 def test_the_size_that_a_sheet_states_does_not_matter():
@@ -270,8 +287,11 @@ def test_days_count_from_the_first_day_of_the_workbook():
     cell, styles = "<c s='1'><v>{}</v></c>".format, STYLES("", 14)
     # Excel's own calendar has a 29 February 1900: 59 is the day before it, 61 the day after.
     assert [one(cell(day), styles=styles)[0][:10] for day in (1, 59, 60, 61)] == [
-        "1900-01-01", "1900-02-28", "1900-02-28", "1900-03-01",
-    ]  # fmt: skip
+        "1900-01-01",
+        "1900-02-28",
+        "1900-02-28",
+        "1900-03-01",
+    ]
     assert one(cell(0.75), styles=styles)[0] == "18:00:00"
     late = "<workbookPr date1904='1'/>"
     assert one(cell(1), styles=styles, settings=late)[0] == "1904-01-02 00:00:00"
@@ -316,10 +336,10 @@ def test_a_part_that_declares_entities_is_refused():
 def test_an_archive_with_false_sizes_unpacks_no_more_than_it_states(monkeypatch):
     content = parts("<row/>") | {"xl/worksheets/sheet1.xml": " " * 1_000_000}
     data = packed(content)
-    said = (1_000_000).to_bytes(4, "little")
-    assert data.count(said) == 2
+    size = (1_000_000).to_bytes(4, "little")
+    assert data.count(size) == 2
     with pytest.raises(InputError, match="is not an Excel workbook"):
-        read(data.replace(said, (50).to_bytes(4, "little")))
+        read(data.replace(size, (50).to_bytes(4, "little")))
     assert tables._UNPACKED == 2**28
     monkeypatch.setattr(tables, "_UNPACKED", 999_999)
     with pytest.raises(InputError, match="unpacks to more than 999999 bytes"):
@@ -334,10 +354,34 @@ def test_a_workbook_cut_anywhere_is_refused():
 
 
 pieces = st.sampled_from(
-    ["<row>", "</row>", "<row r='2'>", "<c>", "</c>", "<c r='B2' t='s'>", "<c s='1'>", "<v>",
-     "</v>", "<c t='b'>", "<c t='e'>", "<is>", "</is>", "<t>", "</t>", "<rPh>", "</rPh>", "0",
-     "-1", "x", "1e999", "nan", "&amp;", "&#0;", "9" * 5000]
-)  # fmt: skip
+    [
+        "<row>",
+        "</row>",
+        "<row r='2'>",
+        "<c>",
+        "</c>",
+        "<c r='B2' t='s'>",
+        "<c s='1'>",
+        "<v>",
+        "</v>",
+        "<c t='b'>",
+        "<c t='e'>",
+        "<is>",
+        "</is>",
+        "<t>",
+        "</t>",
+        "<rPh>",
+        "</rPh>",
+        "0",
+        "-1",
+        "x",
+        "1e999",
+        "nan",
+        "&amp;",
+        "&#0;",
+        "9" * 5000,
+    ]
+)
 
 
 @given(st.lists(pieces, max_size=12).map("".join) | st.binary(max_size=60).map(repr))
@@ -346,12 +390,12 @@ pieces = st.sampled_from(
 @settings(max_examples=150)
 def test_any_sheet_gives_rows_or_an_input_error(sheet):
     try:
-        found = rows(sheet, strings="<si><t>a</t></si>", styles=STYLES("", 14))
+        dated = rows(sheet, strings="<si><t>a</t></si>", styles=STYLES("", 14))
     except InputError as error:
         assert "\n" not in str(error)
         return
-    assert all(type(text) is str for _, cells, _ in found for text in cells)
-    assert [number for number, _, _ in found] == sorted({number for number, _, _ in found})
+    assert all(type(text) is str for _, cells, _ in dated for text in cells)
+    assert [number for number, _, _ in dated] == sorted({number for number, _, _ in dated})
 
 
 @given(st.binary(max_size=300), st.integers(0, 10**6), st.integers(0, 40))

@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 import shipnet
 from shipnet import asi, can, datasets, design, line
 from shipnet.__main__ import main
-from shipnet.answers import Answer
 from shipnet.asi.plan_file import read_elements, write_elements
 from shipnet.design.command import save_faults
 from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.rules import RuleSet
 from shipnet.errors import ArgumentError
+from shipnet.results import Answer
 from shipnet.tables import (
     NUMBER,
     as_csv,
@@ -37,10 +37,37 @@ from shipnet.tables import (
 PACKAGE = Path(__file__).resolve().parents[2] / "shipnet"
 
 #: Text that some spreadsheet reads as a formula, or nearly.
-SIGNS = ["=1+1", "+A1", "-X1", "@SUM(A1)", "=A1-B2", "'=K", "''-K", "\t=1", "\r=1", "\n=1", " =1",
-         "\u3000=1", "\uff1d1", "\uff0bA", "\uff0dA", "\uff20A", "\ufeff=1", "\x00=1", "' =1", "-",
-         "=cmd|' /C calc'!A0", "a\r=1", "a\n=1", "'", "'quoted'", "-1.5", "+3", "'-5",
-         "\ud800"]  # fmt: skip
+SIGNS = [
+    "=1+1",
+    "+A1",
+    "-X1",
+    "@SUM(A1)",
+    "=A1-B2",
+    "'=K",
+    "''-K",
+    "\t=1",
+    "\r=1",
+    "\n=1",
+    " =1",
+    "\u3000=1",
+    "\uff1d1",
+    "\uff0bA",
+    "\uff0dA",
+    "\uff20A",
+    "\ufeff=1",
+    "\x00=1",
+    "' =1",
+    "-",
+    "=cmd|' /C calc'!A0",
+    "a\r=1",
+    "a\n=1",
+    "'",
+    "'quoted'",
+    "-1.5",
+    "+3",
+    "'-5",
+    "\ud800",
+]
 TEXT = st.sampled_from(SIGNS) | st.text("'=+-@\t\r\n \uff1d;,\"a1.\ud800", max_size=6) | st.text()
 CELL = TEXT | st.floats() | st.integers() | st.booleans() | st.none()
 
@@ -62,9 +89,9 @@ def rows_of(data):
 @given(st.lists(st.lists(CELL, min_size=2, max_size=2), max_size=4))
 def test_no_cell_of_a_table_begins_a_formula(rows):
     for written in (csv_text(rows), as_csv(pd.DataFrame(rows, columns=["=a", "-b"], dtype=object))):
-        found = rows_of(written)
-        assert not [cell for row in found for cell in row if starts_a_formula(cell)]
-        assert len(found) == len(rows) + isinstance(written, bytes)
+        read = rows_of(written)
+        assert not [cell for row in read for cell in row if starts_a_formula(cell)]
+        assert len(read) == len(rows) + isinstance(written, bytes)
 
 
 @given(TEXT, TEXT)
@@ -104,8 +131,10 @@ def test_a_workbook_without_openpyxl_names_the_package(monkeypatch):
 def printable_names():
     """Return names that a plan, a message set and an I/O list accept."""
     letters = st.characters(exclude_categories=["C", "Z"])
-    names = st.tuples(st.sampled_from(["=", "-", "+", "@", "'=", "''-", "\uff1d", ""]),
-                      st.text(letters, min_size=1, max_size=5)).map("".join)  # fmt: skip
+    names = st.tuples(
+        st.sampled_from(["=", "-", "+", "@", "'=", "''-", "\uff1d", ""]),
+        st.text(letters, min_size=1, max_size=5),
+    ).map("".join)
     return names.filter(lambda name: name.isprintable() and name == name.strip())
 
 
@@ -114,8 +143,11 @@ def test_a_plan_is_read_back_as_it_was(tmp_path_factory, first, second):
     if first == second:
         return
     path = tmp_path_factory.getbasetemp() / "plan.csv"
-    elements = [asi.Master(node=first), asi.CableRun(first, second, 10.0),
-                asi.Slave(label="1", node=second)]  # fmt: skip
+    elements = [
+        asi.Master(node=first),
+        asi.CableRun(first, second, 10.0),
+        asi.Slave(label="1", node=second),
+    ]
     notes = {("cable", first, second): first}
     write_elements(elements, path, notes)
     assert read_elements(path) == (elements, notes, ())
@@ -185,21 +217,23 @@ def shipped(read, name):
 #: What makes an object of each class, its legal suffixes, and what reads a file for comparison.
 MADE = {
     "asi.Plan": (
-        shipped(asi.read_plan, "synthetic_asi_plan_300m.csv"), ".csv .xlsx", asi.read_plan,
+        shipped(asi.read_plan, "synthetic_asi_plan_300m.csv"),
+        ".csv .xlsx",
+        asi.read_plan,
     ),
     "asi.Waveform": (lambda: asi.star(10, [5]).waveform(node="leg 1"), ".csv .txt .npz", None),
     "can.Log": (lambda: can.simulate(can.example(), 125e3, until=0.1).log(), ".log", None),
     "can.MessageSet": (can.example, ".csv .xlsx", can.read_messages),
     "design.Comparison": (lambda: LIST.compare((20, 0, 4), ["home runs"]), "folder", None),
     "design.Design": (lambda: LIST.plan("home runs", (20, 0, 4)), "folder", None),
-    "design.IoList": (
-        shipped(read_iolist, "synthetic_iolist_ship.csv"), ".csv .xlsx", read_iolist,
-    ),
+    "design.IoList": (shipped(read_iolist, "synthetic_iolist_ship.csv"), ".csv .xlsx", read_iolist),
     "design.Settings": (
-        lambda: design.Settings().replace({"supply.voltage": 26}), ".toml", design.Settings.read,
+        lambda: design.Settings().replace({"supply.voltage": 26}),
+        ".toml",
+        design.Settings.read,
     ),
     "line.Waveform": (lambda: line.Waveform([0.0, 1.5], 1e-6), ".csv .txt .npz", None),
-}  # fmt: skip
+}
 FOLDERS = [name for name, (_, legal, _) in MADE.items() if legal == "folder"]
 SUFFIXES = (".csv", ".txt", ".xlsx", ".XLSX", ".log", ".toml", ".npz", ".png", ".dbc", "")
 
@@ -207,9 +241,11 @@ SUFFIXES = (".csv", ".txt", ".xlsx", ".XLSX", ".log", ".toml", ".npz", ".png", "
 def test_every_class_that_saves_is_tested():
     packages = {name: getattr(shipnet, name) for name in dir(shipnet)}
     assert {
-        f"{name}.{title}" for name, package in packages.items() for title in dir(package)
+        f"{name}.{title}"
+        for name, package in packages.items()
+        for title in dir(package)
         if inspect.isclass(thing := getattr(package, title)) and hasattr(thing, "save")
-    } == set(MADE)  # fmt: skip
+    } == set(MADE)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -246,14 +282,16 @@ def test_a_workbook_has_numbers_where_they_are_read_back_as_they_were(tmp_path):
     save_table(tmp_path / "a.xlsx", pd.DataFrame({"a": cells, "b": "x"}))
     again = read_sheet(tmp_path / "a.xlsx")
     assert [row[0] for _, row in again.rows] == [str(cell or "") for cell in cells]
-    found = openpyxl.load_workbook(tmp_path / "a.xlsx").active["A"][1:]
-    assert [cell.value for cell in found if isinstance(cell.value, int | float)] == [7, -1.5, 2.5]
+    column = openpyxl.load_workbook(tmp_path / "a.xlsx").active["A"][1:]
+    assert [cell.value for cell in column if isinstance(cell.value, int | float)] == [7, -1.5, 2.5]
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".xlsx"])
 def test_a_plan_keeps_its_notes(tmp_path, suffix):
-    text = ("kind,node,to,length_m,address,note\nmaster,a,,,,below deck 3\ncable,a,b,5,,\n"
-            "supply,a,,,,\nslave,b,,,7,=spare\n")  # fmt: skip
+    text = (
+        "kind,node,to,length_m,address,note\nmaster,a,,,,below deck 3\ncable,a,b,5,,\n"
+        "supply,a,,,,\nslave,b,,,7,=spare\n"
+    )
     (tmp_path / "plan.csv").write_text(text)
     plan = asi.read_plan(tmp_path / "plan.csv")
     plan.save(tmp_path / f"saved{suffix}")
@@ -282,9 +320,10 @@ def test_the_file_of_faults_has_no_formulas(tmp_path):
         str(tmp_path / "f.csv"), "=list\udcff.csv", ["row 2, column =x: '-1' is wrong", "@no"]
     )
     assert rows_of((tmp_path / "f.csv").read_bytes()) == [
-        ["file", "row", "column", "fault"], ["'=list\\udcff.csv", "2", "'=x", "''-1' is wrong"],
+        ["file", "row", "column", "fault"],
+        ["'=list\\udcff.csv", "2", "'=x", "''-1' is wrong"],
         ["'=list\\udcff.csv", "", "", "'@no"],
-    ]  # fmt: skip
+    ]
 
 
 WRITERS = {"to_csv", "to_excel", "DictWriter", "ExcelWriter", "Workbook", "writer", "savetxt"}
@@ -292,16 +331,19 @@ WRITERS = {"to_csv", "to_excel", "DictWriter", "ExcelWriter", "Workbook", "write
 
 def test_only_one_module_writes_csv_and_workbooks():
     """`Waveform.save` writes numbers by `savetxt`, under titles of the one writer."""
-    found = set()
+    dangerous = set()
     for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call):
                 name = getattr(node.func, "attr", getattr(node.func, "id", ""))
-                found |= (
+                dangerous |= (
                     {(path.relative_to(PACKAGE).as_posix(), name)} if name in WRITERS else set()
                 )
-    assert found == {("tables.py", "writer"), ("tables.py", "Workbook"),
-                     ("line/waveform.py", "savetxt")}  # fmt: skip
+    assert dangerous == {
+        ("tables.py", "writer"),
+        ("tables.py", "Workbook"),
+        ("line/waveform.py", "savetxt"),
+    }
 
 
 # Escapes that set the title, move the cursor, reverse text; half a pair of surrogates.
@@ -322,9 +364,9 @@ def test_the_name_of_a_student_cannot_command_the_terminal(tmp_path, capsys, mon
     monkeypatch.setattr("shipnet.exercises.grading.grade", lambda folder: (grades, verdicts))
     files = [tmp_path / f"g{suffix}" for suffix in (".csv", ".xlsx", ".json", "")]
     assert main(["grade", str(tmp_path), *(w for file in files for w in ("-o", str(file)))]) == 0
-    said = capsys.readouterr().out
-    assert SAFE.replace(r"\u000d", r"\r") in said
-    assert not commands(said)
+    output = capsys.readouterr().out
+    assert SAFE.replace(r"\u000d", r"\r") in output
+    assert not commands(output)
     assert main(["grade", str(tmp_path), "--json"]) == 0
     printed = capsys.readouterr().out
     assert not commands(printed)

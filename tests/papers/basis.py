@@ -5,21 +5,27 @@ import sys
 
 #: Packages and modules that model something.
 MODELS = (
-    "asi", "ballast", "can", "clock", "crc", "design", "engine", "fuzzy", "line", "modbus",
+    "asi",
+    "ballast",
+    "can",
+    "clock",
+    "crc",
+    "design",
+    "engine",
+    "fuzzy",
+    "line",
+    "modbus",
     "remote_control",
-)  # fmt: skip
+)
 
 #: What they only read from transcribed tables: a module, or a function of one.
-READERS = (
-    "shipnet.ballast.registers.command_codes",
-    "shipnet.engine.points.read_points",
-)
+READERS = ("shipnet.ballast.registers.command_codes", "shipnet.engine.points.read_points")
 
 
 def defaults_of(recomputation):
     """Return every input of a claim's function, with its value for this claim."""
-    known = inspect.signature(recomputation.function).parameters.items()
-    return {name: one.default for name, one in known} | dict(recomputation.inputs)
+    parameters = inspect.signature(recomputation.function).parameters.items()
+    return {name: one.default for name, one in parameters} | dict(recomputation.inputs)
 
 
 def basis_of(recomputation):

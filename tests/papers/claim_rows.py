@@ -10,9 +10,21 @@ from shipnet.papers import PAPERS
 from shipnet.papers.judging import AS_PRINTED, UNDECIDED, as_number
 
 COLUMNS = (
-    "id", "paper", "where", "kind", "claim", "value", "unit", "precision",
-    "verdict", "holds_under", "corrected", "basis", "evidence", "note",
-)  # fmt: skip
+    "id",
+    "paper",
+    "where",
+    "kind",
+    "claim",
+    "value",
+    "unit",
+    "precision",
+    "verdict",
+    "holds_under",
+    "corrected",
+    "basis",
+    "evidence",
+    "note",
+)
 #: Kinds of claims: a number, a statement, a misprint with its correction, quoted only, our number.
 KINDS = ("numeric", "qualitative", "erratum", "context", "ours")
 #: Verdicts that go against a paper, or put a condition beside it; each needs evidence.

@@ -84,8 +84,8 @@ def test_no_reading_lets_the_flags_show_every_single_error():
         for bit in range(8 * len(stream)):
             hit = bytearray(stream)
             hit[bit >> 3] ^= 1 << (bit & 7)
-            found = form.parser().feed(bytes(hit))
-            count += len(found) == len(sent) and found != sent
+            packets = form.parser().feed(bytes(hit))
+            count += len(packets) == len(sent) and packets != sent
         passed[reading] = count / (8 * len(stream))
     # A bit that turns a number into 0xEE would end the packet: of 0..9 none is one bit from it.
     assert passed == {"A": 30 / 33, "B": 30 / 42, "C": 30 / 60}

@@ -4,15 +4,17 @@ from shipnet.asi.simulation import simulate
 from shipnet.asi.telegram import Call, Request
 from shipnet.asi.timing import Transaction
 from shipnet.asi.topologies import star
+from shipnet.crc import CAN, MODBUS
 from shipnet.papers import icn2007
 from shipnet.papers.icn2007 import allowed_plans, keeps_all_rules, trunk_and_star
+from shipnet.papers.kim2023 import protocol, signals
 from shipnet.papers.kim2023.protocol import moves
 from shipnet.papers.registry import REGISTRY
 
 
 def test_the_wait_is_that_of_the_timing():
     run = simulate(icn2007.five_slaves(), cycles=20, faults=[DeadSlave("3", start=0.02)])
-    assert round(icn2007.gap_after_silence(run, "3"), 6) == Transaction().timeout == 10
+    assert round(protocol.gap_after_silence(run, "3"), 6) == Transaction().timeout == 10
 
 
 def test_only_own_and_sound_requests_are_answered():
@@ -51,10 +53,10 @@ def test_a_quarter_wave_in_the_signal_distorts_it_as_much_as_noise():
 
 
 def test_the_distance_is_that_of_the_first_pattern_that_passes():
-    for crc in (icn2007.MODBUS, icn2007.CAN):
+    for crc in (MODBUS, CAN):
         single = crc.syndromes(6).tolist()
         assert 0 not in single and len(set(single)) == len(single)
-    assert icn2007.hamming_distance(icn2007.MODBUS, 6) == 4
+    assert signals.hamming_distance(MODBUS, 6) == 4
     # A valid frame 4 bits away from another, by its four places.
-    single = icn2007.MODBUS.syndromes(6)
+    single = MODBUS.syndromes(6)
     assert not REGISTRY["icn2007-061"](distance=5) and len(set(single.tolist())) == 64

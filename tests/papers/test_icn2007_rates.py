@@ -46,13 +46,24 @@ def test_modbus_frames_have_the_length_that_is_counted():
     request = struct.pack(">BBHHHHB", 1, 23, 0, 5, 0, 5, len(data)) + data + b"\0\0"
     response = struct.pack(">BBB", 1, 23, len(data)) + data + b"\0\0"
     characters = len(request) + len(response) + 2 * 3.5
-    found = bus_efficiencies(5 * 16).loc[80, "modbus_rtu"]
-    assert found == pytest.approx(2 * 80 / (11 * characters))
+    efficiency = bus_efficiencies(5 * 16).loc[80, "modbus_rtu"]
+    assert efficiency == pytest.approx(2 * 80 / (11 * characters))
 
 
 def test_can_frames_have_the_length_that_is_counted():
-    fields = {"sof": 1, "identifier": 11, "rtr": 1, "ide": 1, "r0": 1, "dlc": 4, "crc": 15,
-              "crc delimiter": 1, "ack": 2, "eof": 7, "intermission": 3}  # fmt: skip
+    fields = {
+        "sof": 1,
+        "identifier": 11,
+        "rtr": 1,
+        "ide": 1,
+        "r0": 1,
+        "dlc": 4,
+        "crc": 15,
+        "crc delimiter": 1,
+        "ack": 2,
+        "eof": 7,
+        "intermission": 3,
+    }
     empty = sum(fields.values())
     table = bus_efficiencies([64, 72])
     assert table.loc[64, "can"] == pytest.approx(128 / (2 * (empty + 64)))

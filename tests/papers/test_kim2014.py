@@ -201,8 +201,8 @@ def test_identifier_zero_holds_on_a_path_that_keeps_time():
         return compare(units, path, rng=2024)["mismatched"]
 
     assert (mixed(0.0) == 0).all()
-    found = mixed(0.02)
-    assert found["nothing"] > 100 and found["transaction id"] == 0
+    mixed_fleet = mixed(0.02)
+    assert mixed_fleet["nothing"] > 100 and mixed_fleet["transaction id"] == 0
 
 
 # Names.
@@ -221,10 +221,18 @@ def test_flags_of_the_pump_begin_with_pp():
 @pytest.mark.parametrize(
     ("code", "fired"),
     [
-        ("G1", "G1"), ("P1", "P1"), ("P2", "P2"), ("V1", "V1"), ("O1", "O1"), ("S1", "S1 Pos3"),
-        ("Pos1", "Pos1 S1 Pos3"), ("Pos3", "Pos3"), ("Pos4", "Pos4"), ("normal", ""),
+        ("G1", "G1"),
+        ("P1", "P1"),
+        ("P2", "P2"),
+        ("V1", "V1"),
+        ("O1", "O1"),
+        ("S1", "S1 Pos3"),
+        ("Pos1", "Pos1 S1 Pos3"),
+        ("Pos3", "Pos3"),
+        ("Pos4", "Pos4"),
+        ("normal", ""),
     ],
-)  # fmt: skip
+)
 def test_what_fires_beside_the_headline(code, fired):
     row = k_faults.BASE.check(PRINTED.loc[[code]], "crisp").iloc[0]
     # The normal row does not print the speed, which alone could exclude V2.
@@ -234,13 +242,15 @@ def test_what_fires_beside_the_headline(code, fired):
 @pytest.mark.parametrize(
     ("reading", "version", "missed"),
     [
-        ("held", "printed", {"S2", "Pos2"}), ("held", "corrected", set()),
-        ("absent", "printed", {"S2", "Pos2", "V2"}), ("absent", "corrected", set()),
+        ("held", "printed", {"S2", "Pos2"}),
+        ("held", "corrected", set()),
+        ("absent", "printed", {"S2", "Pos2", "V2"}),
+        ("absent", "corrected", set()),
     ],
-)  # fmt: skip
+)
 def test_which_rows_do_not_fire_their_own_rule(reading, version, missed):
-    found = k_faults.fired(k_faults.row_inputs(version, reading))
-    assert {code for code, codes in found.items() if not k_faults.is_right(code, codes)} == missed
+    fired = k_faults.fired(k_faults.row_inputs(version, reading))
+    assert {code for code, codes in fired.items() if not k_faults.is_right(code, codes)} == missed
 
 
 def test_normal_values_meet_v2_at_standstill():
@@ -279,8 +289,8 @@ def test_the_motor_temperature_has_no_lower_limit():
 
 
 def test_a_byte_has_no_position_below_closed():
-    found = {code: k_faults.through_registers(code) for code in k_faults.BASE.codes}
-    wrong = {code: headline for code, headline in found.items() if code != headline}
+    diagnoses = {code: k_faults.through_registers(code) for code in k_faults.BASE.codes}
+    wrong = {code: headline for code, headline in diagnoses.items() if code != headline}
     assert set(wrong) == {"S2", "Pos2", "Pos4"}
     table = datasets.read("kim2014_rule_table.csv").set_index("code")
     assert "found by the slave" in table.loc["Pos1", "diagnosis_printed"]

@@ -115,10 +115,12 @@ def test_a_fault_without_severity_is_not_reported_and_the_worst_is():
     assert (table.loc[table["severity"] == 0, "said"] == "nothing").all()
     worst = table[table["severity"] == 1].set_index("fault")["said"]
     assert worst.to_dict() == {
-        "V1": "its own name", "Pos4": "another fault's name", "O1": "its own name",
-    }  # fmt: skip
-    own = table["said"] == "its own name"
-    assert (own == (table["top_fault"] == table["fault"])).all()
+        "V1": "its own name",
+        "Pos4": "another fault's name",
+        "O1": "its own name",
+    }
+    named = table["said"] == "its own name"
+    assert (named == (table["top_fault"] == table["fault"])).all()
 
 
 def test_more_strokes_predict_the_end_of_a_pump_more_closely():

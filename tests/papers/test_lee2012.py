@@ -128,9 +128,9 @@ def test_can_repeats_at_once_and_the_ams_after_its_time_out():
     for retries in (0, 1, 3):
         lost = [LostModbusFrames("1", request=1.0)]
         system, rng = System(retries=retries), np.random.default_rng(0)
-        asked = simulate_engine(system, until=0.9, faults=lost, rng=rng).requests()
-        assert (asked["channel"] == 1).sum() == 1 + retries
-        assert (asked["channel"] == 2).any()
+        requests = simulate_engine(system, until=0.9, faults=lost, rng=rng).requests()
+        assert (requests["channel"] == 1).sum() == 1 + retries
+        assert (requests["channel"] == 2).any()
 
 
 def test_the_amplifier_needs_an_offset():
@@ -176,8 +176,16 @@ LAYOUT = {
 
 #: Consumptions of the same figure: g/BHPh and g/kWh. One pair, 116 and 156, is left out: 116 g/BHPh
 #: are 157.7 g/kWh, and which of the two is misprinted cannot be told.
-CONSUMPTIONS = [(126, 171), (124, 169), (128, 174), (117, 159), (119, 162), (118, 160),
-                (0.7, 0.95), (1.1, 1.5)]  # fmt: skip
+CONSUMPTIONS = [
+    (126, 171),
+    (124, 169),
+    (128, 174),
+    (117, 159),
+    (119, 162),
+    (118, 160),
+    (0.7, 0.95),
+    (1.1, 1.5),
+]
 
 
 @pytest.mark.parametrize("corner", LAYOUT)

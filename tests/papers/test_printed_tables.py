@@ -11,9 +11,9 @@ GENERATED = [f"Table {number}" for number in (4, 5, 6, 7)]
 
 def test_every_difference_is_explained_and_no_reason_is_left_over():
     reasons = datasets.read("kim2023_table_differences.csv")
-    found = [differences(item) for item in GENERATED]
-    assert sum(map(len, found)) == len(reasons)
-    for cells in found:
+    tables = [differences(item) for item in GENERATED]
+    assert sum(map(len, tables)) == len(reasons)
+    for cells in tables:
         assert not cells.isna().any(axis=None)
     claims = set(datasets.read("claims.csv")["id"])
     assert set(reasons["claim"]) <= claims

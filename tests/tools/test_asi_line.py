@@ -46,8 +46,8 @@ def test_noise_hides_the_response_and_another_try_may_pass():
 def test_a_fault_that_no_check_finds_is_named(monkeypatch):
     other = AsiLine(data=0)
     monkeypatch.setattr(AsiLine, "result", other.result)
-    said = "read 0000001, but 0011001 was sent: the fault went undetected"
-    assert AsiLine().verdict == said and not AsiLine().ok
+    verdict = "read 0000001, but 0011001 was sent: the fault went undetected"
+    assert AsiLine().verdict == verdict and not AsiLine().ok
 
 
 def test_the_filter_reduces_the_noise_by_the_computed_ratio():

@@ -49,8 +49,8 @@ def test_the_printed_repair_loses_bytes_that_the_corrected_ring_keeps():
     printed, corrected = (ReceiveRing(16, rule, (*late, "repair")).result for rule in rules)
     # Of 18 bytes in a ring of 16, two are overwritten. Place 8 is the middle, 12 a packet's start.
     assert (printed.ring.lost, corrected.ring.lost) == (12, 2)
-    found = [ReceiveRing(16, rule, (*late, *ALL)).result.packets for rule in rules]
-    assert found == [1, 2]
+    packets = [ReceiveRing(16, rule, (*late, *ALL)).result.packets for rule in rules]
+    assert packets == [1, 2]
 
 
 def test_an_uncorrected_ring_seems_empty_after_two_laps():

@@ -73,13 +73,13 @@ def test_lengths_of_the_list_can_be_ignored():
 
 
 def test_settings_override_the_controls_and_affect_plan_price_and_rules():
-    own = "detour = 1.5\ntails = 9\nhost_time = 0.1\n[can]\nbit_rates = [50000]\n"
-    found = replace(SMALL, own=f"{own}[assumptions]\nlabour_rate = 99", detour=1.1).result
+    limits = "detour = 1.5\ntails = 9\nhost_time = 0.1\n[can]\nbit_rates = [50000]\n"
+    result = replace(SMALL, own=f"{limits}[assumptions]\nlabour_rate = 99", detour=1.1).result
     site = Site((10, 0, 8), detour=1.5, tails=9)
-    assert (found.site.detour, found.site.tails) == (1.5, 9)
+    assert (result.site.detour, result.site.tails) == (1.5, 9)
     values = {"can.bit_rates": (50_000,), "assumptions.labour_rate": 99, "host_time": 0.1}
     expected = IoList.parse(FEW).compare(site, OPTIONS, settings=values)
-    pd.testing.assert_frame_equal(found.table(), expected.table())
+    pd.testing.assert_frame_equal(result.table(), expected.table())
     with pytest.raises(InputError) as caught:
         _ = replace(SMALL, own="detour = 9000\n[asi]\nlenght = 3").result
     assert len(caught.value.faults) == 2 and "asi.length" in str(caught.value)
@@ -89,8 +89,8 @@ def test_settings_are_loaded_from_a_file_and_saved_to_one():
     page = SMALL.explore()
     load(page.uploads["load settings"], b"[asi]\nlength = 200\n", "own.toml")
     assert page.inputs.own == "[asi]\nlength = 200\n"
-    given = re.search('settings.toml" href="data:[^,]*,([^"]*)"', page.links.value)[1]
-    assert Settings.parse(b64decode(given).decode()).asi.length == 200
+    saved = re.search('settings.toml" href="data:[^,]*,([^"]*)"', page.links.value)[1]
+    assert Settings.parse(b64decode(saved).decode()).asi.length == 200
     load(page.uploads["load settings"], b"[asi]\nlength = -1\n", "bad.toml")
     assert page.inputs.own == "[asi]\nlength = 200\n" and "asi.length is -1" in page.note
 
@@ -110,10 +110,10 @@ def test_the_labour_rate_is_paid_by_the_hour_and_the_price_of_parts_by_the_part(
 
 def test_a_short_update_time_leaves_points_out_and_each_reason_is_given_once():
     tight = replace(SMALL, update_ms=20)
-    found = tight.result
-    left = found.table()["points_left_out"]
+    result = tight.result
+    left = result.table()["points_left_out"]
     assert left["home runs"] == 0 and left["Modbus RTU"] > 1
-    assert "Modbus RTU" not in found.meeting and "Modbus RTU" not in found.tornado().between
+    assert "Modbus RTU" not in result.meeting and "Modbus RTU" not in result.tornado().between
     why = tight.numbers["conclusions"]
     assert "needs an update every 20 ms" in why and f"(and {left['Modbus RTU'] - 1} more)" in why
     ticks = [t.get_text() for t in tight.plot(ax=Figure().subplots()).get_yticklabels()]
@@ -150,18 +150,22 @@ def test_the_table_and_the_page_say_that_it_is_a_design_aid(small):
 
 @pytest.mark.parametrize("mixed", MIXES)
 def test_every_mix_is_one_more_option_of_the_points_present(mixed):
-    found = replace(SMALL, mixed=mixed).result
-    assert list(found.designs) == [*OPTIONS, mixed]
+    result = replace(SMALL, mixed=mixed).result
+    assert list(result.designs) == [*OPTIONS, mixed]
     plain = "tag,type,home run\na,AI,20\nb,AI,30\n".replace("AI", "AO")
     alone = replace(SMALL, points=plain, mixed=mixed).result
     assert set(alone.designs[mixed].points["bus"]) <= {"CAN", "Modbus RTU", "hardwired", ""}
 
 
 def test_the_cabinet_is_typed_or_found_or_asked_for():
-    ship = replace(SMALL, points=EXAMPLES["ship"], cabinet=" ", **dict.fromkeys(
-        ("junction_boxes", "asi", "can", "modbus"), False))  # fmt: skip
-    found = ship.result
-    assert found.site.cabinet == (26, 6, 14) and "26, 6, 14 m" in ship.numbers["cabinet"]
+    ship = replace(
+        SMALL,
+        points=EXAMPLES["ship"],
+        cabinet=" ",
+        **dict.fromkeys(("junction_boxes", "asi", "can", "modbus"), False),
+    )
+    result = ship.result
+    assert result.site.cabinet == (26, 6, 14) and "26, 6, 14 m" in ship.numbers["cabinet"]
     assert SMALL.numbers["cabinet"] == "the cabinet is at 10, 0, 8 m"
     with pytest.raises(ArgumentError, match="give its position x, y, z in m, such as 26,6,14"):
         _ = replace(SMALL, cabinet="").result
@@ -213,8 +217,15 @@ def excel(table):
 
 
 def test_a_workbook_becomes_its_points():
-    table = pd.DataFrame({"Tag": ["LS-1", "TT-2"], "Signal": ["limit switch", "Pt100 3-wire"],
-                          "x": [1.5, 2], "y": [0, 0], "z": [3, 4]})  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "Tag": ["LS-1", "TT-2"],
+            "Signal": ["limit switch", "Pt100 3-wire"],
+            "x": [1.5, 2],
+            "y": [0, 0],
+            "z": [3, 4],
+        }
+    )
     taken = from_file(SMALL, "list.xlsx", excel(table))
     assert (taken.name, taken.cabinet) == ("list.xlsx", "")
     made = IoList.parse(taken.points).points

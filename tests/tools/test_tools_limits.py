@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 
 from shipnet import tools
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import Choice, Number, Series, Switch, Text, Whole, declared
+from shipnet.fields import Choice, Number, Part, Switch, Text, Whole, declared
 from shipnet.tools._page import Controls
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Sheet
+from shipnet.tools.ring_buffer import ACTIONS
 
 FOLDER = Path(__file__).resolve().parents[2] / "shipnet" / "tools"
 TOOLS = sorted(path.stem for path in FOLDER.glob("[a-z]*.py"))
@@ -61,8 +62,8 @@ def limits(kind):
         return [False, True]
     if isinstance(kind, Text):
         return TEXTS
-    assert isinstance(kind, Series), "a new kind of field"
-    return [(), *((one,) for one in kind.known), 3 * kind.known]
+    assert kind.of is tuple, "a new kind of field"
+    return [(), *((one,) for one in ACTIONS), 3 * tuple(ACTIONS)]
 
 
 def computes(tool, values, figure=False):
@@ -106,9 +107,9 @@ def test_the_figure_at_the_lowest_and_the_highest_of_all(tool):
 @pytest.mark.parametrize("tool", TOOLS)
 def test_reused_axes_show_nothing_of_the_last_plot(tool):
     kinds = declared(kind_of(tool)).items()
-    given = [{n: x} for n, kind in kinds if not isinstance(kind, Text) for x in limits(kind)]
+    inputs = [{n: x} for n, kind in kinds if not isinstance(kind, Text) for x in limits(kind)]
     sheet, again = Sheet(), 0
-    for values in [{}, *given[:: len(given) // 4 + 1], {}]:
+    for values in [{}, *inputs[:: len(inputs) // 4 + 1], {}]:
         try:
             view = kind_of(tool)(**(SMALL.get(tool, {}) | values))._view()
         except (ArgumentError, InputError):
@@ -141,7 +142,7 @@ def test_sliders_stay_within_legal_values_and_start_at_the_inputs(tool):
     controls = Controls(start)
     for name, kind in declared(type(start)).items():
         assert kind.label and kind.help.endswith("."), name
-        if isinstance(kind, Series):
+        if isinstance(kind, Part):
             continue
         control = controls.widgets[name]
         assert control.value == getattr(start, name)
@@ -168,8 +169,8 @@ def test_every_story_is_shown_after_any_other_and_a_page_can_open_on_the_first(t
         # Each number in a story is shown on the page or is the value of a control.
         told = re.findall(r"\d+\.\d+|\d\d+", unescape(" ".join(shown)))
         values = [{**story, "look": ""} for story in page._stories.values()]
-        known = " ".join([*shown.values(), str(kind_of(tool)()), str(values)])
-        assert [number for number in told if number not in known] == []
+        text = " ".join([*shown.values(), str(kind_of(tool)()), str(values)])
+        assert [number for number in told if number not in text] == []
         page.stories[first].click()
         # The valves of a server keep moving.
         assert page.text == opened or tool == "valve_client"

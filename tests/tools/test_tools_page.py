@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import check, choice, number, series, switch, text, whole
+from shipnet.fields import check_choice, check_fields, choice, number, part, switch, text, whole
 from shipnet.tools._page import Page, draw_steps, stepper
 from shipnet.tools._view import (
     Button,
@@ -57,10 +57,14 @@ class Toy:
     bus: str = choice(["CAN", "AS-i"], default="CAN", label="bus", help="Which.")
     ring: bool = switch(default=False, label="ring", help="Closed.")
     name: str = text(default="", most=9, label="name", help="Any.")
-    done: tuple[str, ...] = series(["a", "b"], default=(), most=3, label="done", help="So far.")
+    done: tuple[str, ...] = part(tuple, "So far.", default=(), label="done")
 
     def __post_init__(self):
-        check(self)
+        check_fields(self)
+        if len(self.done) > 3:
+            raise ArgumentError(f"there are {len(self.done)} done; the limit is 3")
+        for done in self.done:
+            check_choice("one of done", done, "ab")
         if self.ring and self.bus == "AS-i":
             raise ArgumentError("ring is True; AS-i has none")
 
@@ -159,23 +163,23 @@ def test_a_table_is_shown_between_verdict_and_numbers():
     table = pd.DataFrame({"cost <EUR>": ["<1", "2"]}, index=["a & b", "c"])
     view = View(verdict="two", ok=True, numbers={"n": "2"}, table=table, caption="made <up>")
     assert str(view).splitlines()[-2:] == ["made <up>", "n: 2"] and "cost <EUR>" in str(view)
-    said = view.answer + view.details
+    html = view.answer + view.details
     order = ["two", "cost &lt;EUR&gt;", "a &amp; b", "<td>&lt;1</td>", "made &lt;up&gt;", "<dt>n"]
-    assert sorted(map(said.index, order)) == [said.index(part) for part in order]
+    assert sorted(map(html.index, order)) == [html.index(part) for part in order]
     assert View(verdict="none", ok=True).details == ""
 
 
 def test_the_page_is_busy_while_it_computes():
-    found = []
+    shown = []
 
     def see(toy):
-        found.append("shipnet-busy" in page._dom_classes)
+        shown.append("shipnet-busy" in page._dom_classes)
         return View(verdict="", ok=True)
 
     page = Page(Toy(), lambda toy: View(verdict="", ok=True))
     page._see = see
     page.controls["slaves"].value = 6
-    assert found == [True]
+    assert shown == [True]
     assert "shipnet-busy" not in page._dom_classes
 
 
@@ -448,5 +452,5 @@ def test_without_widgets_a_tool_has_a_verdict_and_its_page_names_the_package():
     printed = subprocess.check_output([sys.executable, "-c", WITHOUT_WIDGETS], text=True)
     verdict, *errors = printed.splitlines()
     assert verdict
-    said = "ipywidgets is not installed; install it with: python -m pip install ipywidgets"
-    assert errors == [said] * 3
+    message = "ipywidgets is not installed; install it with: python -m pip install ipywidgets"
+    assert errors == [message] * 3

@@ -55,10 +55,15 @@ def test_the_numbers_have_their_units_while_it_moves():
     send(valves, 2, "open")
     valves.time = 4.5
     assert seen(ValveClient(valves=2, valve=2), valves).numbers == {
-        "position": "50 %", "pump pressure": "90 bar", "operating pressure": "2.1 bar",
-        "motor current": "1.2 A", "motor temperature": "50 degC", "motor ran": "4.5 s",
-        "mode": "auto, last command open", "fault reported": "none",
-    }  # fmt: skip
+        "position": "50 %",
+        "pump pressure": "90 bar",
+        "operating pressure": "2.1 bar",
+        "motor current": "1.2 A",
+        "motor temperature": "50 degC",
+        "motor ran": "4.5 s",
+        "mode": "auto, last command open",
+        "fault reported": "none",
+    }
 
 
 def test_refusals_are_shown_as_messages():
@@ -97,10 +102,10 @@ def test_a_server_that_answers_nonsense_is_reported_in_a_sentence(reply):
         def answer():
             peer, _ = listener.accept()
             with peer:
-                asked = decode(peer.recv(260), "tcp")
+                request = decode(peer.recv(260), "tcp")
                 if reply == "other unit":
                     # The response to another request, then the start of one more.
-                    late = tcp_frame(1, b"\x84\x01", (asked.transaction_id + 5) % 65536)
+                    late = tcp_frame(1, b"\x84\x01", (request.transaction_id + 5) % 65536)
                     peer.sendall(late + late[:3])
                 elif reply != "silence":
                     peer.sendall(reply)
@@ -139,9 +144,9 @@ def test_the_picture_has_a_bar_for_every_valve_and_frames_the_chosen_one():
     valves.time = 3.0
     ax = Figure().subplots()
     seen(ValveClient(valves=7, valve=4), valves).plot(ax)
-    said = [text.get_text() for text in ax.texts]
-    assert said[:14:2] == ["0", "0", "0", "33", "0", "0", "-"]
-    assert said[1:14:2] == [str(unit) for unit in range(1, 8)]
+    labels = [text.get_text() for text in ax.texts]
+    assert labels[:14:2] == ["0", "0", "0", "33", "0", "0", "-"]
+    assert labels[1:14:2] == [str(unit) for unit in range(1, 8)]
     framed = [bar for bar in ax.patches if bar.get_linewidth() == 2]
     assert [round(bar.get_x() + bar.get_width() / 2) for bar in framed] == [3]
     legend = [text.get_text() for text in ax.get_legend().get_texts()]

@@ -31,8 +31,8 @@ def test_the_plant_sets_the_sensors_to_its_operating_point(code):
 
 @pytest.mark.parametrize("code", FAULTS)
 def test_every_fault_is_active_in_some_state_and_health_in_all_is_normal(code):
-    found = {state: ValveDiagnosis.from_plant(code, state=state).result for state in STATES}
-    assert any(code in decision.codes(0) for decision in found.values())
+    results = {state: ValveDiagnosis.from_plant(code, state=state).result for state in STATES}
+    assert any(code in decision.codes(0) for decision in results.values())
     assert all(ValveDiagnosis.from_plant(state=state).verdict == "normal" for state in STATES)
     mild = [ValveDiagnosis.from_plant(code, 0.0, state).verdict for state in STATES]
     assert mild == ["normal"] * 4
@@ -139,13 +139,13 @@ def test_the_confusion_matrix_shows_percent_and_frames_correct_results():
 
 def test_the_trend_is_drawn_up_to_its_limit_and_a_missing_trend_is_reported():
     wear = Wear.synthetic(1, 300, spread=0.0, rng=np.random.default_rng(1))
-    found = wear.predict(1, 300)
-    ax = found.plot(ax=axes())
+    prediction = wear.predict(1, 300)
+    ax = prediction.plot(ax=axes())
     labels = [text.get_text() for text in ax.get_legend().get_texts()]
     assert labels == ["readings", "limit", "trend", "95 % interval", "end of life"]
     line = next(one for one in ax.lines if one.get_label() == "trend")
-    np.testing.assert_allclose(line.get_ydata(), found.trend.at(line.get_xdata()))
-    assert ax.get_xlim()[1] > 300 + found.remaining.estimate
+    np.testing.assert_allclose(line.get_ydata(), prediction.trend.at(line.get_xdata()))
+    assert ax.get_xlim()[1] > 300 + prediction.remaining.estimate
     assert ax.get_yscale() == "log"
     sound = Wear.synthetic(1, 50, rate=1e-6, spread=0.0, rng=np.random.default_rng(3))
     ax = sound.predict(1, 50).plot(ax=axes())

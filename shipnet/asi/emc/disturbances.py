@@ -14,7 +14,7 @@ import numpy.typing as npt
 from shipnet import datasets, style
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, number, record, whole
+from shipnet.fields import check_fields, check_scalar, number, record, whole
 from shipnet.lazy import Axes, pd
 
 #: Spacing of the samples whose standard deviation is the amplitude of noise [s].
@@ -195,6 +195,7 @@ class ConductedRF:
     f_mod: float = number(0, 1e12, "Hz", "Frequency of the modulation", default=1e3)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_scalar("f_mod", self.f_mod, "Hz", 0, self.frequency)
 
     def voltage(

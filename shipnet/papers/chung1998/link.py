@@ -30,9 +30,12 @@ _INPUTS, _COUNTERS = 8, 3
 
 # Each line needs an interrupt for received bytes and its own clock; supervision needs another
 # interrupt and clock. Sending needs no interrupt, because the sending loop polls the chip.
-check("chung1998-001", counter={"lines": 3})(
-    lambda *, lines=int(PRINTED["chips_8251"]): lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
-)
+
+
+@check("chung1998-001", counter={"lines": 3})
+def chips_are_enough(*, lines: int = int(PRINTED["chips_8251"])) -> bool:
+    """Whether interrupt inputs and counters are enough for this many lines and the supervision."""
+    return lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
 
 
 @numeric("chung1998-029")
@@ -41,9 +44,10 @@ def serial_chips(*, hops: tuple[Hop, ...] = tuple(h for h in HOPS if h[0] == "RC
     return max(sum(station == source for source, _ in hops) for station in STATIONS)
 
 
-check("chung1998-030", counter={"flows": HOPS[:3]})(
-    lambda *, flows=HOPS: all(hop in flows for value in VALUES for hop in value.hops)
-)
+@check("chung1998-030", counter={"flows": HOPS[:3]})
+def values_have_flows(*, flows: Sequence[Hop] = HOPS) -> bool:
+    """Whether these data flows carry every value."""
+    return all(hop in flows for value in VALUES for hop in value.hops)
 
 
 def send_loops(
@@ -122,7 +126,7 @@ def datum_is_number_low_high(*, order: tuple[str, ...] = _DATUM) -> bool:
 def flags_at(reading: Literal["A", "B"], items: int) -> list[tuple[int, int]]:
     """Return the position and value of each flag in a packet of this many data items."""
     packet = MarkerFormat(reading, items).encode(dict.fromkeys(range(items), 0))
-    return [(place, byte) for place, byte in enumerate(packet) if byte >= min(FLAGS)]
+    return [(index, byte) for index, byte in enumerate(packet) if byte >= min(FLAGS)]
 
 
 @check("chung1998-037", counter={"flags": (0xCC, 0xEE, 0xDD)})
@@ -146,7 +150,7 @@ def any_subset_can_be_sent(*, numbered: bool = True) -> bool:
     for chosen in choices:
         sent = {number: 1000 + number for number in chosen}
         items = form.decode(form.encode(sent))
-        places = [number if numbered else place for place, (number, _) in enumerate(items)]
+        places = [number if numbered else index for index, (number, _) in enumerate(items)]
         if dict(zip(places, (value for _, value in items), strict=True)) != sent:
             return False
     return True
@@ -198,7 +202,10 @@ def never_both_send(*, turn_timeout: float | None = None) -> bool:
     return apart and listening["time_s"].tolist() == ends
 
 
-numeric("chung1998-007", "chung1998-045")(lambda: Supervision().detection_time[1])
+@numeric("chung1998-007", "chung1998-045")
+def time_to_report() -> float:
+    """Longest time until a dead partner is reported [s]."""
+    return Supervision().detection_time[1]
 
 
 @check("chung1998-043", counter={"readings": ("A", "B")})
@@ -220,10 +227,16 @@ def nobody_waits_for_ever(*, miss: int = Supervision().miss_limit) -> bool:
     return missed >= {("BCS", "RCS"), ("SS", "RCS"), ("RCS", "BCS"), ("RCS", "SS")}
 
 
-numeric("chung1998-046")(
-    lambda *, rate=BIT_RATES[-1], items=ITEMS: as_printed(items, bit_rate=rate).idle_time
-)
-numeric("chung1998-047")(lambda *, items=ITEMS: as_printed(items).cascade().silent[1])
+@numeric("chung1998-046")
+def longest_silence(*, rate: float = BIT_RATES[-1], items: int = ITEMS) -> float:
+    """Longest time without a packet at a slave on a healthy link [s]."""
+    return as_printed(items, bit_rate=rate).idle_time
+
+
+@numeric("chung1998-047")
+def silence_at_bcs(*, items: int = ITEMS) -> float:
+    """Longest time without a packet at BCS while RCS waits for a dead SS [s]."""
+    return as_printed(items).cascade().silent[1]
 
 
 def deaths(
@@ -238,7 +251,7 @@ def deaths(
     runs, rows = check_whole("n", n, 1, 1000), []
     for name, fields in changes.items():
         system = as_printed(bit_rate=rate, **fields)
-        rng, cycle, found = np.random.default_rng(2024), system.cycle_time, []
+        rng, cycle, reports = np.random.default_rng(2024), system.cycle_time, []
         for k in range(runs):
             # SS fails in the second cycle; the last report comes within four detection times.
             death = (1 + (k + 0.5) / runs) * cycle
@@ -246,8 +259,8 @@ def deaths(
             alarms = simulate(
                 system, until=end, faults=DeadStation("SS", start=death), rng=rng
             ).alarms()
-            found.append(set(zip(alarms["station"], alarms["partner"], strict=True)))
-        rows.append((name, runs, *(sum(pair in seen for seen in found) for pair in pairs)))
+            reports.append(set(zip(alarms["station"], alarms["partner"], strict=True)))
+        rows.append((name, runs, *(sum(pair in seen for seen in reports) for pair in pairs)))
     columns = ["rule", "deaths", *(f"{a} reports {b}" for a, b in pairs)]
     return pd.DataFrame(rows, columns=columns)
 
@@ -283,9 +296,10 @@ def crc_share(*, items: int = ITEMS) -> float:
     return 100 * (checked - plain) / plain
 
 
-check("chung1998-019", counter={"crc": True})(
-    lambda *, crc=False: MarkerFormat(n_numbers=ITEMS, crc=crc).undetected_flips(ITEMS) == 0
-)
+@check("chung1998-019", counter={"crc": True})
+def flips_are_detected(*, crc: bool = False) -> bool:
+    """Whether no single bit error in a packet goes undetected, with or without a CRC."""
+    return MarkerFormat(n_numbers=ITEMS, crc=crc).undetected_flips(ITEMS) == 0
 
 
 @numeric("chung1998-020")
@@ -294,12 +308,16 @@ def imitations(*, value_bytes: int = 2 * ITEMS, flags: int = len(FLAGS)) -> floa
     return 100 * MarkerFormat.false_sync(value_bytes, flags)
 
 
-check("chung1998-066", counter={"few": ITEMS, "many": 1})(
-    lambda *, few=1, many=ITEMS: crc_share(items=few) > crc_share(items=many)
-)
-check("chung1998-074", counter={"changed": ITEMS})(
-    lambda *, changed=1: cycle_time(items=changed) < cycle_time()
-)
+@check("chung1998-066", counter={"few": ITEMS, "many": 1})
+def crc_costs_more(*, few: int = 1, many: int = ITEMS) -> bool:
+    """Whether a CRC lengthens a packet of `few` data items by a larger percentage."""
+    return crc_share(items=few) > crc_share(items=many)
+
+
+@check("chung1998-074", counter={"changed": ITEMS})
+def changes_are_faster(*, changed: int = 1) -> bool:
+    """Whether a cycle is shorter if packets contain only the `changed` data items."""
+    return cycle_time(items=changed) < cycle_time()
 
 
 @check("chung1998-068", counter={"interval": 3600.0})
@@ -323,8 +341,8 @@ def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
     hit = bytearray(stream)
     hit[2 * form.size(2) + place] ^= 1
     parser = form.parser()
-    found = [items[0][1] for items in parser.feed(bytes(hit))]
-    return found == [1, 2, 4, 5] and parser.discarded == form.size(2)
+    turns = [items[0][1] for items in parser.feed(bytes(hit))]
+    return turns == [1, 2, 4, 5] and parser.discarded == form.size(2)
 
 
 @check("chung1998-070", counter={"per_packet": 1})

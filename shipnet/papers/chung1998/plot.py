@@ -40,9 +40,13 @@ def _stations(*, ax: Axes) -> Axes:
     """Draw the three stations and the values on each line."""
     for name, (x, what) in _STATIONS.items():
         box = FancyBboxPatch(
-            (x - 0.42, -0.55), 0.84, 1.1, boxstyle="round,pad=0.04",
-            facecolor=style.FIELD["address" if name == "RCS" else "frame"], edgecolor="0.3",
-        )  # fmt: skip
+            (x - 0.42, -0.55),
+            0.84,
+            1.1,
+            boxstyle="round,pad=0.04",
+            facecolor=style.FIELD["address" if name == "RCS" else "frame"],
+            edgecolor="0.3",
+        )
         ax.add_patch(box)
         ax.text(x, 0.08, name, ha="center", va="bottom", fontsize=13)
         ax.text(x, -0.02, what.replace(", ", "\n"), ha="center", va="top")
@@ -51,16 +55,22 @@ def _stations(*, ax: Axes) -> Axes:
         side = np.sign(end - start)
         y = 0.28 * side
         ax.annotate(
-            "", (end - 0.5 * side, y), (start + 0.5 * side, y),
+            "",
+            (end - 0.5 * side, y),
+            (start + 0.5 * side, y),
             arrowprops={"arrowstyle": "-|>", "color": "0.3"},
-        )  # fmt: skip
-        own = [s.name for s in values_on(source, target) if source in s.sources]
+        )
+        sent = [s.name for s in values_on(source, target) if source in s.sources]
         on = [s.name for s in values_on(source, target) if source not in s.sources]
-        text = "\n".join([*own, *(f"({name})" for name in on)]).replace("_", " ")
+        text = "\n".join([*sent, *(f"({name})" for name in on)]).replace("_", " ")
         ax.text(
-            (start + end) / 2, y + 0.08 * side, text, ha="center",
-            va="bottom" if side > 0 else "top", linespacing=1.25,
-        )  # fmt: skip
+            (start + end) / 2,
+            y + 0.08 * side,
+            text,
+            ha="center",
+            va="bottom" if side > 0 else "top",
+            linespacing=1.25,
+        )
     ax.set(xlim=(-0.6, 5.4), ylim=(-2.5, 1.7))
     ax.set_axis_off()
     return ax
@@ -95,9 +105,9 @@ def _kinds(reading: str, size: int) -> list[str]:
 
 def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:
     """Draw the delay of a switch against the bit rate."""
-    for place, (name, table) in enumerate(tables.items()):
+    for row, (name, table) in enumerate(tables.items()):
         rate = table["bit_rate"].to_numpy(dtype=float)
-        colour = f"C{place}"
+        colour = f"C{row}"
         ax.plot(rate, table["longest_s"], "v", color=colour, label=f"{name}: longest")
         ax.plot(rate, table["mean_s"], "o", mfc="white", color=colour, label=f"{name}: mean")
     ax.plot(rate, table["bound_s"], color=colour, label="bound, all data")
@@ -134,9 +144,13 @@ def _given_up(*, ax: Axes, items: int = 10) -> Axes:
     alone = given_up()
     band = np.reshape(given_up(overrun_rings(items)), (SIZE, -1))
     ax.fill_between(
-        places, band.min(axis=1), band.max(axis=1), color="#f5c56b", alpha=0.6,
+        places,
+        band.min(axis=1),
+        band.max(axis=1),
+        color="#f5c56b",
+        alpha=0.6,
         label="with the search for 0xCC",
-    )  # fmt: skip
+    )
     ax.plot(places, SIZE // 2 - places % (SIZE // 2), color="C0", label="half ring, closed form")
     ax.plot(places[::4], alone[::4], "o", markersize=3, color="C0", label="half ring, simulated")
     ax.axhline(0, color="C2", label="corrected ring")
@@ -159,15 +173,24 @@ def plot_recovered(table: pd.DataFrame, *, ax: Axes) -> Axes:
             label=f"{name} ring" + ", mean" * (name == "intended"),
         )
     ax.fill_between(
-        waiting, table["fewest"], table["most"], color="C0", alpha=0.15,
-        label="range over the places", step="post",
-    )  # fmt: skip
+        waiting,
+        table["fewest"],
+        table["most"],
+        color="C0",
+        alpha=0.15,
+        label="range over the places",
+        step="post",
+    )
     for full, text in ((SIZE, "ring full"), (2 * SIZE, "looks empty")):
         ax.axvline(full, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
         ax.annotate(
-            text, (full, 1.0), (4, -10), xycoords=("data", "axes fraction"),
-            textcoords="offset points", color=style.LIMIT["color"],
-        )  # fmt: skip
+            text,
+            (full, 1.0),
+            (4, -10),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            color=style.LIMIT["color"],
+        )
     ax.set(xlabel="bytes received before the reader looks [byte]", ylabel="packets found")
     ax.set_xlim(0, waiting.iloc[-1])
     ax.legend(loc="upper left")

@@ -63,9 +63,10 @@ def variables(*, flags: int = 2) -> int:
     )
 
 
-numeric("chung1998-011")(
-    lambda *, places=2, flags=2: len({state.case for state in states(places, flags)})
-)
+@numeric("chung1998-011")
+def cases(*, places: int = 2, flags: int = 2) -> int:
+    """Number of cases that the states of a ring belong to."""
+    return len({state.case for state in states(places, flags)})
 
 
 def shown(rounds: int) -> set[Case]:
@@ -75,8 +76,16 @@ def shown(rounds: int) -> set[Case]:
     return {case for case in cases if table[case].sum()}
 
 
-check("chung1998-012", counter={"rounds": 1})(lambda *, rounds=2: "a" not in shown(rounds))
-check("chung1998-050", counter={"rounds": 2})(lambda *, rounds=1: shown(rounds) == {"b", "d"})
+@check("chung1998-012", counter={"rounds": 1})
+def case_a_never_occurs(*, rounds: int = 2) -> bool:
+    """Whether case a cannot occur while fewer than this many laps are unread."""
+    return "a" not in shown(rounds)
+
+
+@check("chung1998-050", counter={"rounds": 2})
+def normal_cases(*, rounds: int = 1) -> bool:
+    """Whether only cases b and d occur while fewer than this many laps are unread."""
+    return shown(rounds) == {"b", "d"}
 
 
 @check("chung1998-052", counter={"rounds": 2})
@@ -114,13 +123,13 @@ def packet_is_found(*, before: bytes = bytes(5)) -> bool:
     """Whether a packet that follows other bytes is found at every place of the ring."""
     form = MarkerFormat(n_numbers=ITEMS)
     sent = {number: 1000 + number for number in range(ITEMS)}
-    for place in range(SIZE):
+    for offset in range(SIZE):
         ring, parser = Ring(SIZE, "intended"), form.parser()
-        for byte in bytes(place) + before + form.encode(sent):
+        for byte in bytes(offset) + before + form.encode(sent):
             ring.store(byte)
             step = ring.extract()
-            found = parser.feed(bytes([step.byte or 0]))
-        if found != [tuple(sent.items())]:
+            packets = parser.feed(bytes([step.byte or 0]))
+        if packets != [tuple(sent.items())]:
             return False
     return True
 
@@ -185,11 +194,11 @@ def full_rings(size: int = SIZE) -> Iterator[Ring]:
 
 def given_up(rings: Iterable[Ring] | None = None) -> list[int]:
     """Return how many stored bytes each repair discards, by default in `full_rings`."""
-    found = []
+    discarded = []
     for ring in full_rings() if rings is None else rings:
         ring.extract()
-        found.append(ring.size - ring.unread)
-    return found
+        discarded.append(ring.size - ring.unread)
+    return discarded
 
 
 def packets_found(waiting: int, rule: Literal["intended", "corrected"], get_no: int = 0) -> int:
@@ -200,8 +209,8 @@ def packets_found(waiting: int, rule: Literal["intended", "corrected"], get_no: 
     sent = [dict.fromkeys(range(ITEMS), n) for n in range(1, count + 1)]
     ring = Ring.filled(0, get_no, SIZE, rule)
     ring.store_all(b"".join(map(form.encode, sent))[:waiting])
-    found = form.parser().feed(bytes_of(ring.drain()))
-    return sum(tuple(packet.items()) in found for packet in sent)
+    packets = form.parser().feed(bytes_of(ring.drain()))
+    return sum(tuple(packet.items()) in packets for packet in sent)
 
 
 def recovered(
@@ -215,12 +224,12 @@ def recovered(
         raise ArgumentError("places is empty; it must contain at least one place")
     size, rows = length(reading="A"), []
     for n in waiting:
-        found = [packets_found(n, "intended", get_no=place) for place in places]
+        counts = [packets_found(n, "intended", get_no=place) for place in places]
         stops = [case_of(place, n, SIZE) == "a" for place in places]
         # The corrected ring works in the same way wherever the reader is.
         corrected = packets_found(n, "corrected", get_no=places[0])
-        mean, stopped = (sum(column) / len(places) for column in (found, stops))
-        rows.append((n, n // size, mean, min(found), max(found), stopped, corrected))
+        mean, stopped = (sum(column) / len(places) for column in (counts, stops))
+        rows.append((n, n // size, mean, min(counts), max(counts), stopped, corrected))
     columns = ["waiting", "sent", "intended", "fewest", "most", "stops", "corrected"]
     return pd.DataFrame(rows, columns=columns)
 
@@ -231,8 +240,8 @@ def repair_restores_order(*, shift: int = 1) -> bool:
     for ring in overrun_rings(ITEMS):
         cells, no = ring.cells, ring.state.no
         ring.extract()
-        place = cells.find(PACKET_START, SIZE >> shift if no < SIZE >> shift else 0)
-        if ring.state.get_no != place or ring.case not in ("b", "d"):
+        start = cells.find(PACKET_START, SIZE >> shift if no < SIZE >> shift else 0)
+        if ring.state.get_no != start or ring.case not in ("b", "d"):
             return False
     return True
 
@@ -260,8 +269,16 @@ def repair_keeps_a_part(*, items: int = ITEMS) -> bool:
     return True
 
 
-numeric("chung1998-060")(lambda: as_printed().fill_time)
-numeric("chung1998-061")(lambda *, size=SIZE, items=ITEMS: size / length(reading="A", items=items))
+@numeric("chung1998-060")
+def fill_time() -> float:
+    """Time in which received bytes fill the ring [s]."""
+    return as_printed().fill_time
+
+
+@numeric("chung1998-061")
+def packets_in_ring(*, size: int = SIZE, items: int = ITEMS) -> float:
+    """Number of packets that fit into the ring."""
+    return size / length(reading="A", items=items)
 
 
 @numeric("chung1998-015")

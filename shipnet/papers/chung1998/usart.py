@@ -83,21 +83,21 @@ def send(usart: Usart, data: bytes, *, printed: bool, poll: float = 20e-6) -> Se
     step = check_scalar("poll", poll, "s", 1e-7, 1.0)
     time, writes, lost, already = 0.0, 0, 0, len(usart.line)
     written: set[int] = set()
-    for place, byte in enumerate(data):
+    for index, byte in enumerate(data):
         begun, ready = time, False
         while not ready:
             ready = bool(usart.status(time) & Status.TXRDY)
             # The printed loop fills the buffer again each time it reads the status too early.
             if not ready and time - begun > _MOST_CHARACTERS * usart.character_time:
                 raise ArgumentError(
-                    f"poll is {step:g} s: byte {place} is still being rewritten after "
+                    f"poll is {step:g} s: byte {index} is still being rewritten after "
                     f"{_MOST_CHARACTERS} characters, because TxRDY is never set when it is read"
                 )
             time += step
             if ready is not printed:
                 # A byte that overwrites itself is not lost.
-                lost += usart.write(byte, time) and place not in written
-                written.add(place)
+                lost += usart.write(byte, time) and index not in written
+                written.add(index)
                 writes += 1
                 time += step
     usart.finish()

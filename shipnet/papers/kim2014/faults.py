@@ -33,7 +33,10 @@ _TABLE = datasets.read("kim2014_rule_table.csv")
 _POSITION_FLAG = "PosFault"
 
 
-numeric("kim2014-024")(lambda: len(rule_base().codes))
+@numeric("kim2014-024")
+def number_of_faults() -> int:
+    """Number of faults that the rules diagnose."""
+    return len(rule_base().codes)
 
 
 @numeric("kim2014-025")
@@ -58,9 +61,10 @@ def distinct_faults(*, equalities: bool = True) -> int:
     return int((~same).sum()) if equalities else len(rows)
 
 
-numeric("kim2014-074")(
-    lambda *, as_printed=True: len(BASE.overlaps("crisp" if as_printed else "midpoint"))
-)
+@numeric("kim2014-074")
+def overlaps(*, as_printed: bool = True) -> int:
+    """Number of pairs of rules that can fire together, as printed or with limits moved."""
+    return len(BASE.overlaps("crisp" if as_printed else "midpoint"))
 
 
 @numeric("kim2014-082")
@@ -75,24 +79,24 @@ def silent_pressures(
 def sensors_with_limit(*, limit: float = 2.5) -> int:
     """Number of sensors that the rules compare with this limit."""
     limits = [[term.crisp for term in variable.terms] for variable in rule_base().variables]
-    return sum(any(limit in (one.low, one.high) for one in own) for own in limits)
+    return sum(any(limit in (one.low, one.high) for one in terms) for terms in limits)
 
 
 @check("kim2014-037", counter={"ramps": True})
 def infers_by_degrees(*, ramps: bool = False) -> bool:
     """Whether a rule can fire partially, as printed or with the ramps that we assume."""
     sweep = {"FP": np.linspace(110, 130, 201), "OP": np.full(201, 4.0)}
-    found = BASE.fire(sweep, "fuzzy" if ramps else "crisp").strength
-    return bool(((found > 0) & (found < 1)).any())
+    strength = BASE.fire(sweep, "fuzzy" if ramps else "crisp").strength
+    return bool(((strength > 0) & (strength < 1)).any())
 
 
 @check("kim2014-061", counter={"sensors": ("FP", "OP", "MC", "VPos")})
 def has_both_limits(*, sensors: tuple[str, ...] = tuple(c.name for c in CHANNELS)) -> bool:
     """Whether the rules have, for each sensor, one range above a limit and another below it."""
     for sensor in sensors:
-        said = [term.crisp for term in BASE[sensor].terms]
-        upper = [one.low for one in said if np.isinf(one.high)]
-        if not any(one.high <= limit for limit in upper for one in said):
+        ranges = [term.crisp for term in BASE[sensor].terms]
+        upper = [one.low for one in ranges if np.isinf(one.high)]
+        if not any(one.high <= limit for limit in upper for one in ranges):
             return False
     return True
 
@@ -140,7 +144,7 @@ def reading_table() -> pd.DataFrame:
     for version, reading in product(("printed", "corrected"), READINGS):
         tests = row_inputs(version, reading)
         crisp, fuzzy = (BASE.check(tests, method) for method in ("crisp", "fuzzy"))
-        own = [
+        right = [
             [is_right(*pair) for pair in zip(tests.index, one["fired"], strict=True)]
             for one in (crisp, fuzzy)
         ]
@@ -152,18 +156,20 @@ def reading_table() -> pd.DataFrame:
             for ranking in (BASE.ranking, BASE.codes)
         )
         rows[version, reading] = (
-            sum(own[0]), sum(own[1]), int((tests.index == ours).sum()),
+            sum(right[0]),
+            sum(right[1]),
+            int((tests.index == ours).sum()),
             int((tests.index == order).sum()),
-            ", ".join(tests.index[~np.array(own[0])]),
-        )  # fmt: skip
+            ", ".join(tests.index[~np.array(right[0])]),
+        )
     columns = ["fires", "fuzzy", "our ranking", "table order", "not"]
     return pd.DataFrame(rows, index=columns).T.rename_axis(["inputs", "reading"])
 
 
 def fired_table(version: str = "printed") -> pd.DataFrame:
     """Return the rules that fire on each row in each reading; ``-`` if none fires."""
-    found = {reading: fired(row_inputs(version, reading)) for reading in READINGS}
-    return pd.DataFrame(found).replace("", "-").rename_axis("row")
+    codes = {reading: fired(row_inputs(version, reading)) for reading in READINGS}
+    return pd.DataFrame(codes).replace("", "-").rename_axis("row")
 
 
 def through_registers(code: str) -> str:
@@ -204,19 +210,23 @@ def row_is_found_at_both_ends(*, code: str, channel: str, value: float) -> bool:
     return all(is_right(code, codes) for codes in fired(ends))
 
 
-numeric("kim2014-032")(lambda *, end=300.0, below=_ROW_12: end + (_CLOSE - below))
+@numeric("kim2014-032")
+def position_above_the_end(*, end: float = 300.0, below: float = _ROW_12) -> float:
+    """Position as far above `end` as row 12 is below the closed end [%]."""
+    return end + (_CLOSE - below)
 
 
 @check("kim2014-068", counter={"version": "printed"})
 def all_tests_pass(*, version: str = "corrected") -> bool:
     """Whether each of the 12 rules fires on its own row's inputs, as printed or corrected."""
-    found = fired(row_inputs(version)).drop(NORMAL)
-    return all(is_right(str(code), codes) for code, codes in found.items())
+    fired_codes = fired(row_inputs(version)).drop(NORMAL)
+    return all(is_right(str(code), codes) for code, codes in fired_codes.items())
 
 
-check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})(
-    lambda *, codes=BASE.codes: all(through_registers(code) == code for code in codes)
-)
+@check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})
+def faults_survive_registers(*, codes: tuple[str, ...] = BASE.codes) -> bool:
+    """Whether each of these faults is diagnosed from readings sent in registers."""
+    return all(through_registers(code) == code for code in codes)
 
 
 @check("kim2014-045", counter={"predictor": "stroke time"})
@@ -240,9 +250,12 @@ def graded_trials(
     The table is that of `fault_trials`, with a column ``said`` for the diagnosis.
     """
     trials = fault_trials(
-        codes, n_valves=n_valves, severity=np.linspace(0, 1, max(n_valves, 0)),
-        methods=["fuzzy"], rng=rng,
-    ).table()  # fmt: skip
+        codes,
+        n_valves=n_valves,
+        severity=np.linspace(0, 1, max(n_valves, 0)),
+        methods=["fuzzy"],
+        rng=rng,
+    ).table()
     top = trials["top_fault"]
     named = np.where(top == trials["fault"], "its own name", "another fault's name")
     return trials.assign(said=np.where(top == NORMAL, "nothing", named))

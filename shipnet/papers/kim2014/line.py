@@ -58,7 +58,10 @@ def slaves_of_a_master(*, bits: int = 8) -> int:
     return sum(is_legal(rtu_frame, unit, read) for unit in range(1, 2**bits))
 
 
-numeric("kim2014-047")(lambda *, bits=8: slaves_of_a_master(bits=bits) + 1)
+@numeric("kim2014-047")
+def too_many_valves(*, bits: int = 8) -> int:
+    """Smallest number of valves that one master cannot address."""
+    return slaves_of_a_master(bits=bits) + 1
 
 
 @numeric("kim2014-003")
@@ -162,8 +165,8 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
         data = exchange(time, read.pdu, "read the status")[2:]
         words = [int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2)]
         seen = registers.decode([words]).readings[:, 0]
-        said = [f"{c.name} {x:.3g} {c.unit}" for c, x in zip(CHANNELS, seen, strict=True)]
-        rows[-1] = (*rows[-1][:3], ", ".join(said))
+        values = [f"{c.name} {x:.3g} {c.unit}" for c, x in zip(CHANNELS, seen, strict=True)]
+        rows[-1] = (*rows[-1][:3], ", ".join(values))
     return pd.DataFrame(rows, columns=["time_s", "from", "frame", "says"])
 
 

@@ -42,16 +42,18 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
             ax.plot([1 + shift + (x - 1) * 0.25, x + shift], [1.67, low + 0.35], **pipe)
     bus: dict[str, Any] = {"color": "C0", "lw": 1.2, "label": "_bus"}
     power: dict[str, Any] = {"color": "C1", "lw": 1.2, "label": "_power"}
-    own = places + aside
-    for x in own:
+    beside = places + aside
+    for x in beside:
         ax.plot([x - 0.1] * 2, [low + 1, 1.5], **bus)
         ax.plot([x + 0.1] * 2, [low + 1, 1.65], **power)
-    middle, left, right = 1 + aside, own[0] - 0.35, own[-1] + 0.35
+    middle, left, right = 1 + aside, beside[0] - 0.35, beside[-1] + 0.35
     ax.plot(
-        [middle - HALF[0], left, left, right, right, middle + HALF[0]], [3, 3, 1.5, 1.5, 3, 3],
-        color="C0", lw=1.2,
-    )  # fmt: skip
-    ax.plot([own[0] + 0.1, own[-1] + 0.1], [1.65, 1.65], color="C1", lw=1.2)
+        [middle - HALF[0], left, left, right, right, middle + HALF[0]],
+        [3, 3, 1.5, 1.5, 3, 3],
+        color="C0",
+        lw=1.2,
+    )
+    ax.plot([beside[0] + 0.1, beside[-1] + 0.1], [1.65, 1.65], color="C1", lw=1.2)
     ax.plot([middle, middle], [1.65, 1.82], color="C1", lw=1.2)
     ax.text(left + 0.08, 2.55, "closed loop\nof Modbus", color="C0")
     diagram("kim2014", "Fig 1", ax=ax)
@@ -82,15 +84,19 @@ def _rtu_frame(*, frame: bytes = _QUERY.rtu(1), serial: SerialLine = _LINE, ax: 
     pdu = decode(frame).pdu
     silence = f"{serial.t35 / serial.character_time:.3g} char\nsilence"
     general = [
-        ("address", "address", ""), ("function code", "control", ""),
-        ("data", "information", ""), ("error check", "parity", ""),
-    ]  # fmt: skip
+        ("address", "address", ""),
+        ("function code", "control", ""),
+        ("data", "information", ""),
+        ("error check", "parity", ""),
+    ]
     detail = [
-        (silence, "pause", ""), ("address\n1 byte", "address", frame[:1].hex(" ")),
+        (silence, "pause", ""),
+        ("address\n1 byte", "address", frame[:1].hex(" ")),
         ("function code\n1 byte", "control", pdu[:1].hex()),
         (f"data\n{len(pdu) - 1} bytes", "information", pdu[1:].hex(" ")),
-        ("CRC\n2 bytes", "parity", frame[-2:].hex(" ")), (silence, "pause", ""),
-    ]  # fmt: skip
+        ("CRC\n2 bytes", "parity", frame[-2:].hex(" ")),
+        (silence, "pause", ""),
+    ]
     return fields(ax, {"Fig 3": general, "Fig 4": detail})
 
 
@@ -105,11 +111,14 @@ def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
     detail = [
         (f"{name}\n{last - first} byte{'s' * (last - first > 1)}", kind, frame[first:last].hex(" "))
         for name, first, last, kind in (
-            ("transaction id", 0, 2, "address"), ("protocol id", 2, 4, "address"),
-            ("length", 4, 6, "address"), ("unit id", 6, 7, "address"),
-            ("function code", 7, 8, "control"), ("data", 8, len(frame), "information"),
+            ("transaction id", 0, 2, "address"),
+            ("protocol id", 2, 4, "address"),
+            ("length", 4, 6, "address"),
+            ("unit id", 6, 7, "address"),
+            ("function code", 7, 8, "control"),
+            ("data", 8, len(frame), "information"),
         )
-    ]  # fmt: skip
+    ]
     return fields(ax, {"Fig 5": general, "Fig 6": detail})
 
 
@@ -135,12 +144,19 @@ def _testbed(*, ax: Axes) -> Axes:
     first, last, row = blocks["S1"][2], blocks["S5"][2], blocks["S1"][3]
     ax.plot(
         [x - 0.3, x - 0.3, first - 1.0, first - 1.0, last],
-        [y - HALF[1], 2.6, 2.6, row, row], color="C0", lw=1.5, zorder=0,
-    )  # fmt: skip
+        [y - HALF[1], 2.6, 2.6, row, row],
+        color="C0",
+        lw=1.5,
+        zorder=0,
+    )
     ax.plot(
-        [last, last + 1.0, last + 1.0, x + 0.3, x + 0.3], [row, row, 2.6, 2.6, y - HALF[1]],
-        color="C0", lw=1.5, ls=":", zorder=0,
-    )  # fmt: skip
+        [last, last + 1.0, last + 1.0, x + 0.3, x + 0.3],
+        [row, row, 2.6, 2.6, y - HALF[1]],
+        color="C0",
+        lw=1.5,
+        ls=":",
+        zorder=0,
+    )
     ax.text(first - 0.9, 2.66, "RS-485, port 1", color="C0")
     ax.text(last + 0.95, 2.66, "port 2 (section 2.1)", color="C0", ha="right")
     left = blocks["PC"][2] + HALF[0]
@@ -154,9 +170,12 @@ def _valve(ax: Axes, place: tuple[float, float], drive: str) -> None:
     x, y = place
     for side in (-1, 1):
         ax.fill(
-            [x, x + 0.3 * side, x + 0.3 * side], [y, y - 0.2, y + 0.2],
-            facecolor=FILL["green"], edgecolor="0.2", lw=1,
-        )  # fmt: skip
+            [x, x + 0.3 * side, x + 0.3 * side],
+            [y, y - 0.2, y + 0.2],
+            facecolor=FILL["green"],
+            edgecolor="0.2",
+            lw=1,
+        )
     ax.plot([x, x], [y, y + 0.35], color="0.2", lw=1)
     if drive:
         box(ax, (x - 0.52, y + 0.35), 1.04, 0.65, FILL["amber"], drive)
@@ -172,11 +191,15 @@ def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
     ax.plot(
         true.time, true.samples["VPos"][:, 0], color="0.6", linewidth=1, label="the valve itself"
     )
-    for place, (number, run) in enumerate(seen.items()):
+    for row, (number, run) in enumerate(seen.items()):
         ax.plot(
-            run.time, run.samples["VPos"][:, 0], _MARKS[place % len(_MARKS)], color=f"C{place}",
-            markersize=4 + 2 * place, label=f"master of {number}",
-        )  # fmt: skip
+            run.time,
+            run.samples["VPos"][:, 0],
+            _MARKS[row % len(_MARKS)],
+            color=f"C{row}",
+            markersize=4 + 2 * row,
+            label=f"master of {number}",
+        )
     ax.set(xlabel="time [s]", ylabel="position [%]")
     ax.legend(loc="lower right")
     return ax
@@ -184,18 +207,25 @@ def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
 
 def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axes:
     """Draw the age of the oldest position on the screen."""
-    for place, (name, picture) in enumerate(pictures.items()):
+    for row, (name, picture) in enumerate(pictures.items()):
         time = np.arange(0.0, picture.seen.duration, 0.1)
         oldest = picture.seen.ages(time).max(axis=1)
         ax.plot(
-            time, np.where(np.isfinite(oldest), oldest, np.nan), color=f"C{place}", label=name,
-            linewidth=5 - 0.8 * place, alpha=0.9,
-        )  # fmt: skip
+            time,
+            np.where(np.isfinite(oldest), oldest, np.nan),
+            color=f"C{row}",
+            label=name,
+            linewidth=5 - 0.8 * row,
+            alpha=0.9,
+        )
     ax.axvline(start, linewidth=1, **style.LIMIT)  # type: ignore[arg-type]
     ax.annotate(
-        " the loop breaks", (start, 0.95), xycoords=ax.get_xaxis_transform(), va="top",
+        " the loop breaks",
+        (start, 0.95),
+        xycoords=ax.get_xaxis_transform(),
+        va="top",
         color=style.LIMIT["color"],
-    )  # fmt: skip
+    )
     ax.set(xlabel="time [s]", ylabel="oldest position shown [s]", ylim=(0, None))
     ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
     return ax

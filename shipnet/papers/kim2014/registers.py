@@ -128,7 +128,10 @@ def exception_code(*, function: int) -> int:
     return Response(function, exception=1).pdu[0]  # type: ignore[arg-type]
 
 
-numeric("kim2014-010")(lambda *, longest_pdu=MAX_PDU: (longest_pdu - len(_answer(1).pdu) + 2) // 2)
+@numeric("kim2014-010")
+def most_registers(*, longest_pdu: int = MAX_PDU) -> int:
+    """Largest number of registers in one response."""
+    return (longest_pdu - len(_answer(1).pdu) + 2) // 2
 
 
 @numeric("kim2014-086")
@@ -142,11 +145,11 @@ def least_registers(*, data: int = 2) -> int:
 def names_a_register(*, message: str = "response") -> bool:
     """Whether a message differs between two registers that contain the same value."""
     slave = Slave(input_registers=[0] * 4)
-    said = []
+    messages = []
     for address in (1, 2):
         query = Request(_READ, address, 1).pdu
-        said.append(query if message == "query" else slave.answer(query))
-    return said[0] != said[1]
+        messages.append(query if message == "query" else slave.answer(query))
+    return messages[0] != messages[1]
 
 
 @numeric("kim2014-016", messages=("write query", "write response"))
@@ -158,14 +161,28 @@ def length_field(*, messages: tuple[str, ...]) -> int:
     return length
 
 
-numeric("kim2014-020")(lambda *, registers=N_REGISTERS: 1 + len(_answer(registers).pdu))
-numeric("kim2014-053")(
-    lambda *, first=0x4020, last=0x4023: Request(_READ, first, last - first + 1).quantity
-)
-numeric("kim2014-054")(lambda *, registers=N_REGISTERS: _answer(registers).pdu[1])
+@numeric("kim2014-020")
+def response_length_field(*, registers: int = N_REGISTERS) -> int:
+    """Length field of a response with this many registers."""
+    return 1 + len(_answer(registers).pdu)
 
 
-numeric("kim2014-080")(lambda *, registers=N_REGISTERS: len(rtu_frame(1, _answer(registers).pdu)))
+@numeric("kim2014-053")
+def quantity(*, first: int = 0x4020, last: int = 0x4023) -> int:
+    """Number of registers in a query for `first` to `last`."""
+    return Request(_READ, first, last - first + 1).quantity
+
+
+@numeric("kim2014-054")
+def byte_count(*, registers: int = N_REGISTERS) -> int:
+    """Byte count of a response with this many registers."""
+    return _answer(registers).pdu[1]
+
+
+@numeric("kim2014-080")
+def response_bytes(*, registers: int = N_REGISTERS) -> int:
+    """Bytes of an RTU response with this many registers."""
+    return len(rtu_frame(1, _answer(registers).pdu))
 
 
 @check("kim2014-049", counter={"codes": (1, 2, 3, 7)})
@@ -175,9 +192,10 @@ def exceptions_exist(*, codes: tuple[int, ...] = (1, 2, 3, 4)) -> bool:
     return all(is_legal(Response.parse, pdu) for pdu in pdus)
 
 
-check("kim2014-083", counter={"read": 3})(
-    lambda *, write=6, read=4: (FunctionCode(write), FunctionCode(read)) == (_WRITE, _READ)
-)
+@check("kim2014-083", counter={"read": 3})
+def codes_are_standard(*, write: int = 6, read: int = 4) -> bool:
+    """Whether these function codes write one register and read input registers."""
+    return (FunctionCode(write), FunctionCode(read)) == (_WRITE, _READ)
 
 
 @check("kim2014-058", counter={"first": 1})
@@ -212,7 +230,7 @@ def registers_in_order(
     """Whether the four registers of Table 3 contain, in this order, what section 2.1 says."""
     rows = datasets.read("kim2014_table3_read_registers_bits.csv").query("part == 'register'")
     text = rows["name_printed"] + " " + rows["remark_printed"]
-    return all(re.search(what, found) for what, found in zip(contents, text, strict=True))
+    return all(re.search(what, entry) for what, entry in zip(contents, text, strict=True))
 
 
 # The response to a command: at once or, as the paper prints, when the valve has arrived.
@@ -262,12 +280,16 @@ def _at(position: float) -> list[list[float]]:
     return [[0.0], [0.0], [0.0], [50.0], [position]]
 
 
-numeric("kim2014-023")(lambda *, names=tuple(channel.name for channel in CHANNELS): len(names))
+@numeric("kim2014-023")
+def sensors(*, names: tuple[str, ...] = tuple(channel.name for channel in CHANNELS)) -> int:
+    """Number of sensors of a valve."""
+    return len(names)
 
 
-check("kim2014-021", counter={"reading": "flag sum"})(
-    lambda *, reading="decimal": bool(code_table()[reading].is_unique)
-)
+@check("kim2014-021", counter={"reading": "flag sum"})
+def codes_are_unique(*, reading: str = "decimal") -> bool:
+    """Whether no two commands have the same code in this reading of the table."""
+    return bool(code_table()[reading].is_unique)
 
 
 @check("kim2014-022", counter={"highest": 305.0})
@@ -309,11 +331,22 @@ def converter_step(*, bits: int = 12, span: float = 100.0) -> float:
     return float(Sensors((0.0,) * len(CHANNELS), high, bits=bits).step[_VPOS])
 
 
-numeric("kim2014-079")(lambda *, travel=90.0: SCALES[_VPOS].step / 100 * travel)
-numeric("kim2014-081")(lambda *, bits=8: int(whole_steps(np.array([305.0]), 2**bits - 1)[0][0]))
+@numeric("kim2014-079")
+def register_step(*, travel: float = 90.0) -> float:
+    """Step of the position register, for a valve that turns by `travel` [degree]."""
+    return SCALES[_VPOS].step / 100 * travel
 
 
-numeric("kim2014-044")(lambda *, bits=16: int(2**bits))
+@numeric("kim2014-081")
+def largest_byte(*, bits: int = 8) -> int:
+    """Value sent for a position of 305 % in a register of this many bits."""
+    return int(whole_steps(np.array([305.0]), 2**bits - 1)[0][0])
+
+
+@numeric("kim2014-044")
+def colours(*, bits: int = 16) -> int:
+    """Number of colours with this many bits per pixel."""
+    return int(2**bits)
 
 
 def code_table() -> pd.DataFrame:

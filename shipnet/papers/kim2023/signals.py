@@ -17,7 +17,9 @@ from shipnet.asi.plan import Plan
 from shipnet.asi.receiver import RECEIVERS, receive
 from shipnet.asi.slave import DEVICE, Slave
 from shipnet.asi.telegram import RESPONSES, Response, frame
+from shipnet.asi.timing import Transaction
 from shipnet.asi.topologies import line
+from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import CableRun
 from shipnet.papers.registry import check, numeric
@@ -25,7 +27,7 @@ from shipnet.papers.registry import check, numeric
 # Section 3.4, Table 3, Figs 3 and 4: levels, pulses and the effect of a slave's position.
 
 
-@check("kim2023-025", "icn2007-049", counter={"near": 100.0, "far": 5.0})
+@check("kim2023-025", counter={"near": 100.0, "far": 5.0})
 def louder_far_from_supply(*, near: float = 5.0, far: float = 100.0) -> bool:
     """Whether a slave at `far` causes a larger voltage at the master than one at `near`."""
     u = line(100, slaves=(near, far)).waveform(Response(0x6)).u
@@ -33,35 +35,43 @@ def louder_far_from_supply(*, near: float = 5.0, far: float = 100.0) -> bool:
     return bool(larger > smaller)
 
 
-@check("kim2023-077", "icn2007-050", counter={"supply": 60.0})
+@check("kim2023-077", counter={"supply": 60.0})
 def above_supply(*, slave: float = 30.0, supply: float = 30.0) -> bool:
     """Whether the voltage at a slave that sends on a 30 V line rises above `supply`."""
-    place = 100.0
-    plan = line(100, slaves=(place,), master=place, supply=0)
+    position = 100.0
+    plan = line(100, slaves=(position,), master=position, supply=0)
     return bool(slave + plan.waveform(Response(0x6)).u.max() > supply)
 
 
-check("kim2023-087", counter={"zero": (0, 1)})(
-    lambda *, zero=(1, 0): (
-        tuple(Modulation("0").levels) == zero and tuple(Modulation("1").levels) == zero[::-1]
-    )
-)
+@check("kim2023-087", counter={"zero": (0, 1)})
+def zero_is_1_0(*, zero: tuple[int, int] = (1, 0)) -> bool:
+    """Whether the Manchester code of a 0 has these levels, and that of a 1 the opposite."""
+    return tuple(Modulation("0").levels) == zero and tuple(Modulation("1").levels) == zero[::-1]
 
 
-@check("kim2023-088", "icn2007-009", counter={"sign": 1})
+@check("kim2023-088", counter={"sign": 1})
 def first_pulse(*, sign: int = -1) -> bool:
     """Whether the first pulse of every response has this sign and belongs to the start bit."""
     trains = Modulation(RESPONSES).pulses.signs
     return bool((trains[:, 0] == 0).all() and (trains[:, 1] == sign).all())
 
 
-@check("kim2023-099", "icn2007-008", counter={"sign": 1})
+@check("kim2023-099", counter={"sign": 1})
 def rising_current(*, sign: int = -1) -> bool:
     """Whether the voltage on the line has this sign while the current begins to rise."""
     wave = line(100, slaves=(5,)).waveform(Response(0x6), dt=50e-9)
     slope = np.gradient(Modulation(Response(0x6).bits).current(wave.t), wave.t)
     first = int(np.argmax(np.abs(slope) > 0.5 * np.abs(slope).max()))
     return bool(slope[first] > 0 and np.sign(wave.u[0, first]) == sign)
+
+
+@check("kim2023-104", counter={"slots": "between bits"})
+def phase_turns_with_the_bit(*, slots: str = "within bits") -> bool:
+    """Whether the steps within bits, or between them, change sign exactly where the bit changes."""
+    bits = "0011010001110"
+    steps = Modulation(bits).steps[1 if slots == "within bits" else 0 :: 2]
+    changed = np.array(list(bits[1:])) != np.array(list(bits[:-1]))
+    return bool((steps[1:] * steps[:-1] == np.where(changed, -1, 1)).all())
 
 
 # Section 3.4: the receiver's tolerances, and the effect of an open cable.
@@ -88,8 +98,10 @@ def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
     low = np.full((2, 14), 1 - difference)
     low[0, 1], low[1, 2:] = 1, 1
     u = train_of(2 * Modulation(sent).pulses.signs[:, np.newaxis] * low)
-    heard = [receive(u, STEP, 7, threshold=threshold, matched=False) for threshold in (0.45, 0.55)]
-    return all(bool((one.bits == sent[:, np.newaxis]).all()) for one in heard)
+    received = [
+        receive(u, STEP, 7, threshold=threshold, matched=False) for threshold in (0.45, 0.55)
+    ]
+    return all(bool((one.bits == sent[:, np.newaxis]).all()) for one in received)
 
 
 @check("kim2023-024", counter={"overshoot": 0.4})
@@ -104,19 +116,19 @@ def copes_with_overshoot(*, overshoot: float = 0.3) -> bool:
     heights = np.where(pulses != 0, pulses, np.stack([swing, -swing])[:, np.newaxis])
     heights[..., 0] = 0
     heights[..., 1] *= 0.65
-    heard = receive(train_of(2 * heights), STEP, 7, matched=False)
-    return bool((heard.error == 0).all() and (heard.bits == sent).all())
+    received = receive(train_of(2 * heights), STEP, 7, matched=False)
+    return bool((received.error == 0).all() and (received.bits == sent).all())
 
 
-@check("kim2023-098", "icn2007-047", counter={"length": 200.0})
+@check("kim2023-098", counter={"length": 200.0})
 def copes_with_open_end(*, length: float = 100.0) -> bool:
     """Whether all responses along an unterminated cable stay within both tolerances."""
     wave = line(length, slaves=(0.05 * length, 0.5 * length, length)).waveform()
-    heard = wave.receive()
-    return bool(heard.within_tolerance.all() and (heard.bits == wave.bits).all())
+    received = wave.receive()
+    return bool(received.within_tolerance.all() and (received.bits == wave.bits).all())
 
 
-@check("kim2023-095", "icn2007-053", counter={"part": "inductor"})
+@check("kim2023-095", counter={"part": "inductor"})
 def works_without(*, part: str = "conductor") -> bool:
     """Whether the master can read a slave that lacks its inductor or its conductor."""
     plan = line(100)
@@ -131,8 +143,8 @@ def works_without(*, part: str = "conductor") -> bool:
 # Section 3.4: the cost of error detection by check bits, and the errors that AS-i detects.
 
 
-@numeric("kim2023-057", "icn2007-023", bits=1 + 5 + 5)
-@numeric("kim2023-058", "icn2007-040", bits=4)
+@numeric("kim2023-057", bits=1 + 5 + 5)
+@numeric("kim2023-058", bits=4)
 def check_bits(*, bits: int) -> int:
     """Fewest check bits that give words of this many bits a Hamming distance of 4."""
     r = 2
@@ -141,12 +153,40 @@ def check_bits(*, bits: int) -> int:
     return r
 
 
-numeric("kim2023-059")(
-    lambda *, request=11, response=4, extra=7 + 4: 100 * extra / (request + response)
-)
+@numeric("kim2023-059")
+def check_bit_cost(*, request: int = 11, response: int = 4, extra: int = 7 + 4) -> float:
+    """Check bits as a percentage of a transaction's other bits."""
+    return 100 * extra / (request + response)
 
 
-@numeric("kim2023-060", "icn2007-024")
+@check("kim2023-103", counter={"extra": 4})
+def check_bits_cost_rate(*, extra: int = 7 + 4) -> bool:
+    """Whether `extra` check bits per transaction would cost over a quarter of the net rate."""
+    bits = Transaction(2, 2).bits
+    return bits / (bits + extra) < 0.75
+
+
+@check("kim2023-101", counter={"distance": 5})
+def others_have_this_distance(*, distance: int = 4) -> bool:
+    """Whether the CRCs of Modbus and CAN give frames at least this Hamming distance."""
+    return min(hamming_distance(MODBUS, 6), hamming_distance(CAN, 10)) >= distance
+
+
+def hamming_distance(crc: Crc, payload: int) -> int:
+    """Return the Hamming distance of frames with `payload` bytes of data; 5 means 5 or more."""
+    single = np.asarray(crc.syndromes(payload))
+    first, second = np.triu_indices(single.size, 1)
+    double = single[first] ^ single[second]
+    passed = [
+        (single == 0).any(),
+        (double == 0).any(),
+        np.isin(double, single).any(),
+        np.unique(double).size < double.size,
+    ]
+    return passed.index(True) + 1 if any(passed) else 5
+
+
+@numeric("kim2023-060")
 def error_classes(*, faults: int = 3) -> int:
     """Kinds of error that the receiver reports for responses with up to this many wrong slots."""
     sent = np.pad(Modulation(RESPONSES).pulses.signs, ((0, 0), (0, 2)))
@@ -156,8 +196,8 @@ def error_classes(*, faults: int = 3) -> int:
         for places in combinations(range(sent.shape[1]), n)
         for steps in product((1, 2), repeat=n)
     ]
-    heard = (sent + np.array(changes, np.int8)[:, np.newaxis] + 1) % 3 - 1
-    return len(set(Pulses(heard).check()[1].ravel().tolist()) - {0})
+    received = (sent + np.array(changes, np.int8)[:, np.newaxis] + 1) % 3 - 1
+    return len(set(Pulses(received).check()[1].ravel().tolist()) - {0})
 
 
 def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
@@ -175,7 +215,10 @@ def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
     return passed, len(slots) * comb(n, faults) * 2**faults
 
 
-check("kim2023-061", counter={"faults": 4})(lambda *, faults=1: undetected(faults)[0] == 0)
+@check("kim2023-061", counter={"faults": 4})
+def errors_are_detected(*, faults: int = 1) -> bool:
+    """Whether every response with this many wrong slots is detected as faulty."""
+    return undetected(faults)[0] == 0
 
 
 # Sections 3.3 and 3.6, Table 2: immunity.

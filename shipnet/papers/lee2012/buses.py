@@ -61,12 +61,16 @@ def _serial(rate: float, parity: bool = True) -> SerialLine:
     return SerialLine(rate, f"8{LINE.character[1] if parity else 'N'}1")
 
 
-numeric("lee2012-021")(
-    lambda *, rate=BIT_RATE: 1e6 * _serial(rate).character_time / _serial(rate).character_bits
-)
-numeric("lee2012-022")(
-    lambda *, bits=8, rate=BIT_RATE: 1e6 * _serial(rate).t35 * bits / _serial(rate).character_bits
-)
+@numeric("lee2012-021")
+def bit_time(*, rate: float = BIT_RATE) -> float:
+    """Duration of a bit [us]."""
+    return 1e6 * _serial(rate).character_time / _serial(rate).character_bits
+
+
+@numeric("lee2012-022")
+def silence(*, bits: int = 8, rate: float = BIT_RATE) -> float:
+    """Silence between frames if a character has this many bits [us]."""
+    return 1e6 * _serial(rate).t35 * bits / _serial(rate).character_bits
 
 
 @numeric("lee2012-023")
@@ -75,15 +79,22 @@ def character_bits(*, parity: bool = True, stop_bits: int = 1) -> int:
     return SerialLine(BIT_RATE, f"8{'E' if parity else 'N'}{stop_bits}").character_bits
 
 
-numeric("lee2012-096")(
-    lambda *, rate=BIT_RATE, parity=True: 1e6 * _serial(rate, parity).character_time
-)
+@numeric("lee2012-096")
+def character_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
+    """Duration of a character, with or without parity [us]."""
+    return 1e6 * _serial(rate, parity).character_time
 
 
-numeric("lee2012-097")(lambda *, rate=BIT_RATE, parity=True: 1e3 * _serial(rate, parity).t35)
-numeric("lee2012-032")(
-    lambda *, rate=float(SerialLine.SILENCE_LIMIT): _serial(rate).t35 / _serial(rate).character_time
-)
+@numeric("lee2012-097")
+def silence_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
+    """Silence between frames [ms]."""
+    return 1e3 * _serial(rate, parity).t35
+
+
+@numeric("lee2012-032")
+def silent_characters(*, rate: float = float(SerialLine.SILENCE_LIMIT)) -> float:
+    """Silence between frames, in characters."""
+    return _serial(rate).t35 / _serial(rate).character_time
 
 
 @check("lee2012-024", counter={"stop_bits": 2})
@@ -99,9 +110,10 @@ def lowest_address(*, broadcast: int = 0) -> int:
     return min(unit for unit in range(256) if unit != broadcast and is_legal(read(1).rtu, unit))
 
 
-numeric("lee2012-025")(
-    lambda *, unit_loads=INTERFACES["RS-485"].receivers, masters=1: unit_loads - masters
-)
+@numeric("lee2012-025")
+def most_slaves(*, unit_loads: int = INTERFACES["RS-485"].receivers, masters: int = 1) -> int:
+    """Largest number of slaves on a line without repeaters."""
+    return unit_loads - masters
 
 
 @check("lee2012-026", counter={"master": JB1})
@@ -112,7 +124,10 @@ def master_is_addressed(*, master: int = AMS) -> bool:
     return master in (decode(request).unit_id, decode(response).unit_id)
 
 
-check("lee2012-076", counter={"drawn": JB1})(lambda *, drawn=AMS: answer(1).rtu(JB1)[0] == drawn)
+@check("lee2012-076", counter={"drawn": JB1})
+def response_has_this_address(*, drawn: int = AMS) -> bool:
+    """Whether a response from JB1 begins with this address."""
+    return answer(1).rtu(JB1)[0] == drawn
 
 
 @check("lee2012-027", counter={"slaves": (JB1, JB1)})
@@ -182,7 +197,7 @@ def joins_frames(*, gap: float = 3.0) -> bool:
 def crc_finds(*, others: tuple[int, ...] = ()) -> bool:
     """Whether the CRC detects all one- and two-bit errors of a request, and the `others`."""
     frame = read(POINTS).rtu(JB1)
-    bits = [1 << place for place in range(8 * len(frame))]
+    bits = [1 << bit for bit in range(8 * len(frame))]
     patterns = [*bits, *(a | b for a, b in combinations(bits, 2)), *map(_as_sent, others)]
     value = int.from_bytes(frame, "little")
     return not any(is_legal(decode, (value ^ p).to_bytes(len(frame), "little")) for p in patterns)
@@ -210,9 +225,10 @@ def whole_poll(registers: int = POINTS, rate: float = BIT_RATE) -> Poll:
     return Poll(read(registers), _serial(rate), timeout=60)
 
 
-numeric("lee2012-035")(
-    lambda *, registers=POINTS, rate=BIT_RATE: 1e3 * whole_poll(registers, rate).time
-)
+@numeric("lee2012-035")
+def poll_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
+    """Time to read all points with one request [ms]."""
+    return 1e3 * whole_poll(registers, rate).time
 
 
 @numeric("lee2012-036")
@@ -221,7 +237,10 @@ def most_registers(*, longest_pdu: int = MAX_PDU) -> int:
     return (longest_pdu - len(answer(1).pdu) + 2) // 2
 
 
-numeric("lee2012-098")(lambda *, widths=_WIDTHS["response"]: sum(widths))
+@numeric("lee2012-098")
+def drawn_response(*, widths: tuple[int, ...] = _WIDTHS["response"]) -> int:
+    """Bytes of the response in Fig 4(b)."""
+    return sum(widths)
 
 
 @numeric("lee2012-057")
@@ -260,8 +279,8 @@ def asks_and_sends_again(*, timeout: float = System().timeout) -> bool:
     sent = simulate(TOGETHER, 125e3, until=0.5, faults=ErrorAt(100e-6)).events()
     on_can = sent["retries"].max() > 0 and (sent["outcome"] == "sent").all()
     lost, rng = [LostModbusFrames("1", request=1.0)], np.random.default_rng(0)
-    asked = simulate_engine(System(timeout=timeout), faults=lost, until=5, rng=rng).requests()
-    return bool(on_can and np.diff(asked["time_s"])[0] <= RULE)
+    requests = simulate_engine(System(timeout=timeout), faults=lost, until=5, rng=rng).requests()
+    return bool(on_can and np.diff(requests["time_s"])[0] <= RULE)
 
 
 @check("lee2012-041", counter={"ohm": None})
@@ -271,7 +290,10 @@ def terminators_suit_the_line(*, ohm: float | None = 120.0) -> bool:
     return not Segment(60, nodes=3, terminator=ohm).send({1: bits}, 125e3).wrong
 
 
-numeric("lee2012-043")(lambda *, bits=16: len(CanLayout(read_points(), bits).messages()))
+@numeric("lee2012-043")
+def can_messages(*, bits: int = 16) -> int:
+    """Number of CAN messages for all points, at this many bits per point."""
+    return len(CanLayout(read_points(), bits).messages())
 
 
 @numeric("lee2012-044")

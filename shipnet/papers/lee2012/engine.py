@@ -49,12 +49,16 @@ def power(
     return 1e5 * pressure * rate / 60 * _volume(cylinders, strokes) / 1e3
 
 
-numeric("lee2012-006")(
-    lambda *, power=_GUIDE, pressure=PRESSURE: 60 * 1e3 * power / (1e5 * pressure * _volume())
-)
-numeric("lee2012-007")(
-    lambda *, power=_GUIDE, rate=SPEED: 1e3 * power / (rate / 60 * _volume()) / 1e5
-)
+@numeric("lee2012-006")
+def speed(*, power: float = _GUIDE, pressure: float = PRESSURE) -> float:
+    """Speed that follows from power and mean effective pressure [r/min]."""
+    return 60 * 1e3 * power / (1e5 * pressure * _volume())
+
+
+@numeric("lee2012-007")
+def mean_pressure(*, power: float = _GUIDE, rate: float = SPEED) -> float:
+    """Mean effective pressure that follows from power and speed [bar]."""
+    return 1e3 * power / (rate / 60 * _volume()) / 1e5
 
 
 @numeric("lee2012-008", per_horsepower_hour=126.0)  # fuel
@@ -115,7 +119,10 @@ def listed_points(*, column: str, value: str) -> int:
     return int(TABLE_3.loc[TABLE_3[column] == value, "quantity_points"].sum())
 
 
-numeric("lee2012-016")(lambda *, double_row=True: len(printed_points(double_row=double_row)))
+@numeric("lee2012-016")
+def all_points(*, double_row: bool = True) -> int:
+    """Number of points."""
+    return len(printed_points(double_row=double_row))
 
 
 @numeric("lee2012-017")
@@ -129,15 +136,16 @@ def junction_boxes(*, with_current_loops: bool = False) -> int:
     """Number of junction boxes in Table 3: all of them, or only those with 4-20 mA inputs."""
     boxes = read_points().by_box().values()
     return sum(
-        any(p.condition == CONDITIONS[1] for p in own) or not with_current_loops for own in boxes
+        any(p.condition == CONDITIONS[1] for p in points) or not with_current_loops
+        for points in boxes
     )
 
 
 @numeric("lee2012-086")
 def modes(*, boxes: tuple[str, ...] = ("JB1", "JB2", "JB3")) -> int:
     """Number of different input sets of these boxes; a common box design needs a mode for each."""
-    own = read_points().by_box()
-    return len({tuple((p.condition, p.low, p.high) for p in own[box]) for box in boxes})
+    by_box = read_points().by_box()
+    return len({tuple((p.condition, p.low, p.high) for p in by_box[box]) for box in boxes})
 
 
 @numeric("lee2012-087")
@@ -180,15 +188,19 @@ def grows_geometrically(*, wiring: tuple[int, ...] = ()) -> bool:
 def enough_inputs(*, condition: str, inputs: int) -> bool:
     """Whether this many converter inputs are enough for every box's sensors of one kind."""
     boxes = read_points().by_box().values()
-    return max(sum(point.condition == condition for point in own) for own in boxes) <= inputs
+    return max(sum(point.condition == condition for point in points) for points in boxes) <= inputs
 
 
-check("lee2012-050", counter={"volts": (0.0, 5.0)})(
-    lambda *, volts=(1.0, 5.0): bool(np.isclose(volts[0] / 4e-3, volts[1] / 20e-3))
-)
-check("lee2012-052", counter={"quantities": 20})(
-    lambda *, quantities=3: listed_points(column="condition", value="S/W") >= quantities
-)
+@check("lee2012-050", counter={"volts": (0.0, 5.0)})
+def one_resistor_fits(*, volts: tuple[float, float] = (1.0, 5.0)) -> bool:
+    """Whether one resistor converts 4-20 mA into this range [V]."""
+    return bool(np.isclose(volts[0] / 4e-3, volts[1] / 20e-3))
+
+
+@check("lee2012-052", counter={"quantities": 20})
+def has_switches(*, quantities: int = 3) -> bool:
+    """Whether Table 3 has at least this many switches."""
+    return listed_points(column="condition", value="S/W") >= quantities
 
 
 @check("lee2012-088", counter={"offset": False})
@@ -213,6 +225,7 @@ def is_a_kind_of_switch(*, printed: str = "") -> bool:
     return (printed or last["type_printed"]) in set(others)
 
 
-check("lee2012-042", counter={"printed": "RS-485"})(
-    lambda *, printed="RS-482": printed in INTERFACES
-)
+@check("lee2012-042", counter={"printed": "RS-485"})
+def interface_exists(*, printed: str = "RS-482") -> bool:
+    """Whether an interface of this name exists."""
+    return printed in INTERFACES

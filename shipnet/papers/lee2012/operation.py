@@ -34,9 +34,10 @@ def links_share_nothing(*, second: str = "JB3") -> bool:
     return bool(findings.set_index("rule")["verdict"]["links duplicated"] == "met")
 
 
-numeric("lee2012-101")(
-    lambda *, double_row=True: Redundancy(printed_points(double_row=double_row)).worst()
-)
+@numeric("lee2012-101")
+def worst_loss(*, double_row: bool = True) -> int:
+    """Largest number of points that the failure of one box loses."""
+    return Redundancy(printed_points(double_row=double_row)).worst()
 
 
 @check("lee2012-045", counter={"stale_limit": 0.5})
@@ -49,7 +50,10 @@ def marked_after_four_seconds(*, stale_limit: float = 4.0) -> bool:
     return len(after) == 18 and bool(after.between(early, late).all())
 
 
-numeric("lee2012-099")(lambda: System().staleness_flag().after)
+@numeric("lee2012-099")
+def mark_delay() -> float:
+    """Longest time from a box's death to its mark at the AMS [s]."""
+    return System().staleness_flag().after
 
 
 @check("lee2012-046", counter={"dead": "JB1"})
@@ -148,10 +152,10 @@ def _trace(frames: list[bytes], begins: list[float], end: float) -> Trace:
 
 def switch_over_scope(system: System, *, cut: float = 1.5, end: float = 3.4) -> dict[str, Trace]:
     """Return the AMS's requests on both channels, with channel 1 cut at `cut` [s]: Fig 12(b)."""
-    asked = simulate(system, faults=ModbusBreak("1", start=cut), until=end).requests()
+    requests = simulate(system, faults=ModbusBreak("1", start=cut), until=end).requests()
     traces = {}
     for channel, unit in ((1, JB1), (2, JB3)):
-        begins = asked.loc[asked["channel"] == channel, "time_s"].tolist()
+        begins = requests.loc[requests["channel"] == channel, "time_s"].tolist()
         request = read(system.registers).rtu(unit)
         traces[f"Tx of channel {channel}"] = _trace([request] * len(begins), begins, end)
     return traces

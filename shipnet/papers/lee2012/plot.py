@@ -55,12 +55,12 @@ def plot_inputs(card: InputCard, corrected: InputCard, *, axes: Sequence[Axes]) 
     current = np.linspace(0, 24e-3, 400)
     resistance = np.linspace(70, 190, 400)
     for inputs, label, line in ((card, "as printed", "-"), (corrected, "corrected", "--")):
-        for place, (ax, signal, scale) in enumerate(
+        for column, (ax, signal, scale) in enumerate(
             zip(axes, (current, resistance), (1e3, 1), strict=True)
         ):
             signals = np.full((signal.size, 2), [12e-3, 120.0])
-            signals[:, place] = signal
-            ax.plot(scale * signal, inputs.voltage(signals)[:, place], line, label=label)
+            signals[:, column] = signal
+            ax.plot(scale * signal, inputs.voltage(signals)[:, column], line, label=label)
     for ax, text in zip(axes, ("loop current [mA]", "resistance of the Pt100 [ohm]"), strict=True):
         ax.set(xlabel=text, ylabel="voltage at the ADC [V]")
     axes[0].legend()
@@ -69,18 +69,21 @@ def plot_inputs(card: InputCard, corrected: InputCard, *, axes: Sequence[Axes]) 
 def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *, ax: Axes) -> Axes:
     """Draw traces one below the other, each with its own scale, as an oscilloscope does."""
     middles = []
-    for place, (name, (time, level)) in enumerate(channels.items()):
+    for row, (name, (time, level)) in enumerate(channels.items()):
         at, value = np.asarray(time, dtype=np.float64), np.asarray(level, dtype=np.float64)
         low, high = float(np.nanmin(value)), float(np.nanmax(value))
-        base = -1.5 * place
+        base = -1.5 * row
         # A constant trace is drawn in the middle of its row.
         unit = (value - low) / (high - low) if high > low else np.full(value.shape, 0.5)
-        ax.plot(at * 1e3, base + unit, drawstyle="steps-post", color=f"C{place}", label=name)
+        ax.plot(at * 1e3, base + unit, drawstyle="steps-post", color=f"C{row}", label=name)
         for text, height in ((low, base), (high, base + 1)):
             ax.annotate(
-                f"{text:g}", (1.01, height), xycoords=("axes fraction", "data"),
-                va="center", annotation_clip=False,
-            )  # fmt: skip
+                f"{text:g}",
+                (1.01, height),
+                xycoords=("axes fraction", "data"),
+                va="center",
+                annotation_clip=False,
+            )
         middles.append(base + 0.5)
     ax.set_yticks(middles, labels=list(channels))
     ax.set(xlabel="time [ms]", ylim=(-1.5 * (len(channels) - 1) - 0.25, 1.25))
