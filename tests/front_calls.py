@@ -41,7 +41,7 @@ RESULTS = {
 }
 
 #: Called by simulations and servers, with what they have checked.
-HOOKS = {"apply", "device", "disturbance", "of", "run", "transit", "view", "voltage"}
+HOOKS = {"apply", "device", "disturbance", "first_sign", "of", "run", "transit", "view", "voltage"}
 
 #: Mistakes in numbers that a call accepts, by call and argument.
 TAKEN = {

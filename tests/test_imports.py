@@ -81,7 +81,7 @@ MORE = {
     "EngineFaults": ["pandas"],
     "ModbusScan": ["pandas"],
     "ReceiveRing": [],
-    "ShipDesign": ["pandas", "scipy", "scipy.optimize"],
+    "ShipDesign": ["numba", "pandas", "scipy", "scipy.optimize"],
     "ValveClient": ["pandas"],
     "ValveDiagnosis": [],
 }

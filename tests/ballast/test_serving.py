@@ -129,7 +129,7 @@ def test_a_wrong_fault_is_reported_in_one_line(text, message, capsys):
         (["--speed", "-1"], "--speed is -1"),
         (["--watchdog", "0"], "--watchdog is 0"),
         (["--port", "65536"], "--port is 65536"),
-        (["--bit-rate", "1"], "--bit-rate is 1 bit/s; it must be 50..1e+07"),
+        (["--bit-rate", "1"], "--bit-rate is 1 bit/s; it must be 300..1e+07"),
         (["--udp", "--serial", "line"], "cannot be combined"),
         (["--serial", "line", "--character", "7E1"], "character is '7E1'"),
         (["--serial", "no-such-line"], "cannot listen on no-such-line: no such device"),
