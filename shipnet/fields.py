@@ -45,6 +45,8 @@ def check_scalar(
     what: str, value: Any, unit: str, low: float, high: float, rule: str = "it must be"
 ) -> float:
     """Return a value as a float, or raise if it is not a single number or is out of range."""
+    if getattr(value, "ndim", None) == 0:
+        value = value.item()  # numpy's results for one number are arrays without dimensions
     if not (_is_number(value) and low <= value <= high):
         short = _is_number(value) and not 1e300 < abs(value) < inf
         text = f"{float(value):g} {unit}".rstrip() if short else repr(value)

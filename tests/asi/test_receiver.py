@@ -399,7 +399,7 @@ def test_the_filter_accepts_records_shorter_than_itself():
         ({"threshold": np.nan}, "threshold is nan"),
         ({"window": 0.6}, r"window is 0.6 half-bits; it must be 0\.\.0\.5"),
         ({"minimum": -1}, r"minimum is -1 V; it must be 0\.\.1e\+09 V"),
-        ({"minimum": np.inf}, "minimum is inf; it must be"),
+        ({"minimum": np.inf}, "minimum is inf V; it must be"),
     ],
 )
 def test_bad_arguments_are_named(change, message):

@@ -190,3 +190,10 @@ def _name(node):
     """Return the last name of a function, of a call or of an attribute."""
     node = node.func if isinstance(node, ast.Call) else node
     return getattr(node, "attr", getattr(node, "id", ""))
+
+
+def test_an_array_without_dimensions_is_a_number():
+    assert check_scalar("x", np.array(0.5), "V", 0, 1) == 0.5
+    for wrong in (np.array(True), np.array([0.5]), np.array("1"), np.array(np.nan)):
+        with pytest.raises(ArgumentError, match="x is"):
+            check_scalar("x", wrong, "V", 0, 1)
