@@ -137,7 +137,7 @@ def _decode(arguments: argparse.Namespace) -> Answer:
 
 
 def _answer(
-    found: Any, numbers: Mapping[str, tuple[float, str]], text: str = "", **tables: pd.DataFrame
+    result: Any, numbers: Mapping[str, tuple[float, str]], text: str = "", **tables: pd.DataFrame
 ) -> Answer:
     """Return an Answer with `text` (default: the verdict) and the non-empty tables as its text."""
     look: dict[str, Any] = {"index": False, "na_rep": "-", "max_rows": _ROWS}
@@ -146,23 +146,23 @@ def _answer(
         for name, table in tables.items()
         if len(table) and name != "findings"
     ]
-    text = "\n\n".join([text or found.verdict, *blocks])
-    return Answer(found.ok, found.verdict, text, numbers, tables, lambda ax: found.plot(ax=ax))
+    text = "\n\n".join([text or result.verdict, *blocks])
+    return Answer(result.ok, result.verdict, text, numbers, tables, lambda ax: result.plot(ax=ax))
 
 
 def _check(arguments: argparse.Namespace) -> Answer:
     from shipnet.asi.plan import read_plan
 
     plan = read_plan(arguments.plan)
-    found = plan.check()
-    numbers = {"checks": (len(found), ""), "violated": (len(found.violated()), "")}
+    result = plan.check()
+    numbers = {"checks": (len(result), ""), "violated": (len(result.violated()), "")}
     columns = ["rule", "object", "value", "low", "high", "unit", "margin"]
-    rules = found.worst().reset_index()[columns]
+    rules = result.worst().reset_index()[columns]
     reading = pd.DataFrame({"how the plan was read": plan.remarks})
     answer = _answer(
-        found, numbers, str(found), findings=found.table(), rules=rules, reading=reading
+        result, numbers, str(result), findings=result.table(), rules=rules, reading=reading
     )
-    return answer._replace(findings=found)
+    return answer._replace(findings=result)
 
 
 def _can(arguments: argparse.Namespace) -> Answer:
@@ -192,23 +192,23 @@ def _can(arguments: argparse.Namespace) -> Answer:
         counts = table["verdict"].value_counts().items()
         numbers = {str(verdict): (int(count), "") for verdict, count in counts}
         return _answer(compared, numbers, messages=table, **more)
-    found = analyse(messages, arguments.rates or BIT_RATES)
+    result = analyse(messages, arguments.rates or BIT_RATES)
     rates: dict[str, tuple[float, str]] = {
-        "lowest_bit_rate": (found.lowest, "bit/s"),
-        "lowest_bit_rate_in_best_order": (found.lowest_in_best_order, "bit/s"),
-        "bit_rate_of_responses": (found.at_lowest.bit_rate, "bit/s"),
-        "bus_time": (found.at_lowest.utilisation().bus_time, "1"),
+        "lowest_bit_rate": (result.lowest, "bit/s"),
+        "lowest_bit_rate_in_best_order": (result.lowest_in_best_order, "bit/s"),
+        "bit_rate_of_responses": (result.at_lowest.bit_rate, "bit/s"),
+        "bus_time": (result.at_lowest.utilisation().bus_time, "1"),
     }
     observed = pd.DataFrame() if messages.observed is None else messages.observed
-    gains = found.lowest_in_best_order < found.lowest
-    order = found.best.messages.table().reset_index()[["name", "arbitration_id"]]
+    gains = result.lowest_in_best_order < result.lowest
+    order = result.best.messages.table().reset_index()[["name", "arbitration_id"]]
     return _answer(
-        found,
+        result,
         rates,
-        f"{found.verdict}\nresponse times are at {found.at_lowest.bit_rate / 1e3:g} kbit/s",
-        bit_rates=found.table().reset_index(),
+        f"{result.verdict}\nresponse times are at {result.at_lowest.bit_rate / 1e3:g} kbit/s",
+        bit_rates=result.table().reset_index(),
         messages_of_log=observed.reset_index(),
-        responses=found.at_lowest.table().reset_index(),
+        responses=result.at_lowest.table().reset_index(),
         best_order=order if gains else order[:0],
         **more,
     )
@@ -220,14 +220,14 @@ def _modbus(arguments: argparse.Namespace) -> Answer:
     names = ("registers", "bit_rate", "dead", "processing", "timeout", "retries", "limit")
     character = {"E": "8E1", "O": "8O1", "N": "8N2"}.get(arguments.character, arguments.character)
     given = {name: getattr(arguments, name) for name in names}
-    found = scan(arguments.slaves, character=character, **given)
+    result = scan(arguments.slaves, character=character, **given)
     numbers = {
-        "scan_time": (found.time, "s"),
-        "slave_time": (found.slave_time, "s"),
-        "dead_slave_time": (found.dead_time, "s"),
-        "bus_time": (found.bus_time, "1"),
+        "scan_time": (result.time, "s"),
+        "slave_time": (result.slave_time, "s"),
+        "dead_slave_time": (result.dead_time, "s"),
+        "bus_time": (result.bus_time, "1"),
     }
-    return _answer(found, numbers, bit_rates=found.table().reset_index())
+    return _answer(result, numbers, bit_rates=result.table().reset_index())
 
 
 def _design(arguments: argparse.Namespace) -> Answer | None:
@@ -237,31 +237,31 @@ def _design(arguments: argparse.Namespace) -> Answer | None:
     if arguments.show_settings:
         _print(settings.text(), end="")
         return None
-    found = compared(arguments, settings)
+    result = compared(arguments, settings)
     best = {}
-    if found.best is not None:
-        cost = found.best.quantities()["total_cost_eur"]
-        chance = found.chances[found.best.name]
+    if result.best is not None:
+        cost = result.best.quantities()["total_cost_eur"]
+        chance = result.chances[result.best.name]
         best = {"total_cost": (cost, "EUR"), "probability_cheapest": (chance, "")}
     return Answer(
-        ok=found.ok,
-        verdict=found.verdict,
-        text=str(found),
+        ok=result.ok,
+        verdict=result.verdict,
+        text=str(result),
         numbers={
-            "designs": (len(found.designs), ""),
-            "designs_meeting_every_rule": (len(found.meeting), ""),
+            "designs": (len(result.designs), ""),
+            "designs_meeting_every_rule": (len(result.meeting), ""),
             **best,
         },
         tables={
-            "comparison": found.table().reset_index(),
-            "failures": found.failures(),
-            "reading": found.iolist.reading(),
+            "comparison": result.table().reset_index(),
+            "failures": result.failures(),
+            "reading": result.iolist.reading(),
         },
-        draw=lambda ax: found.plot(ax=ax),
-        findings=found.findings(),
+        draw=lambda ax: result.plot(ax=ax),
+        findings=result.findings(),
         forms={
-            ".html": lambda file: found.report(file, title=arguments.title, date=arguments.date),
-            "": found.save,
+            ".html": lambda file: result.report(file, title=arguments.title, date=arguments.date),
+            "": result.save,
         },
     )
 

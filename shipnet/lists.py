@@ -367,8 +367,8 @@ class Cells:
                 self.places.setdefault(column.name, []).append(place)
                 usual = self.words.units.get(column.name, "")
                 if usual and column.unit and column.unit not in ALIKE[usual]:
-                    said = f"title {title!r} has the unit {column.unit!r}"
-                    faults.append(f"{said}; expected {_legal(usual)}")
+                    statement = f"title {title!r} has the unit {column.unit!r}"
+                    faults.append(f"{statement}; expected {_legal(usual)}")
                 elif usual:
                     self.units.setdefault(column.name, column.unit)
                     if column.unit and ALIKE[usual][column.unit] != ALIKE[usual][usual]:
@@ -430,7 +430,7 @@ class Cells:
         gone = {number for number, cells in entries
                 for place in self.places.get("note", ()) if place < len(cells)
                 and _GONE_WORD.search(cells[place])}  # fmt: skip
-        for said, rows_of in (
+        for statement, rows_of in (
             ("hidden, but read", self.sheet.hidden),
             ("read, although a cell is struck out", struck),
             ("read, although a note says that something is deleted or not fitted", gone),
@@ -438,7 +438,7 @@ class Cells:
         ):
             if both := tuple(number for number, _ in entries if number in rows_of):
                 doubt = rows_of is not self.sheet.merged
-                self.remarks.append(Remark(said, both, doubt=doubt, detail=not doubt))
+                self.remarks.append(Remark(statement, both, doubt=doubt, detail=not doubt))
         return entries
 
     def _no_entry(
@@ -513,8 +513,8 @@ class Cells:
                         self._alone.append((number, name))
             last, above = number, cells
         for place, numbers in filled.items():
-            said = f"{self.titles[place]}: ditto marks filled from the row above"
-            self.remarks.append(Remark(said, tuple(numbers)))
+            statement = f"{self.titles[place]}: ditto marks filled from the row above"
+            self.remarks.append(Remark(statement, tuple(numbers)))
 
     def _fill_down(self, name: str, rows: Sequence[tuple[int, list[str], str]]) -> None:
         """Fill a column that has values only in the first row of each group."""
@@ -530,8 +530,8 @@ class Cells:
             if not cells[place] and not why:
                 filled.append(number)
             last = cells[place] = cells[place] or last
-        said = f"{name} filled down from the row above, because it is given once per group"
-        self.remarks.append(Remark(said, tuple(filled), doubt=True))
+        statement = f"{name} filled down from the row above, because it is given once per group"
+        self.remarks.append(Remark(statement, tuple(filled), doubt=True))
 
     # Columns, remarks and faults.
 

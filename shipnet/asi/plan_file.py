@@ -154,9 +154,9 @@ def read_elements(
     values: dict[str, list[Any]] = {}
     for column in COLUMNS:
         if column in _NUMBERS:
-            known, _ = _NUMBERS[column]
-            unit = known.unit.casefold()
-            numbers = cells.numbers(column, known.low, known.high, unit).tolist()
+            declaration, _ = _NUMBERS[column]
+            unit = declaration.unit.casefold()
+            numbers = cells.numbers(column, declaration.low, declaration.high, unit).tolist()
             values[column] = [None if number != number else number for number in numbers]
         else:
             read, legal = _READ.get(column, (str, ""))
@@ -176,10 +176,10 @@ def read_elements(
             if columns[column][row]:
                 cells.wrong([row], column, f"an empty cell; a {name} has no {column}")
         arguments = {key: values[column][row] for key, column in used.items()}
-        given = {key: value for key, value in arguments.items() if value is not None}
+        filled = {key: value for key, value in arguments.items() if value is not None}
         try:
             if row not in cells.faulty:
-                elements.append((row, make(**given)))
+                elements.append((row, make(**filled)))
         except ArgumentError as fault:
             cells.fault(row, "kind", f", {fault}")
     # Check the structure only if every cable was read; otherwise devices would seem unconnected.

@@ -372,24 +372,24 @@ class Comparison:
     def conclusions(self) -> list[str]:
         """Return the results of the comparison as sentences."""
         table = self._table
-        said = [*_alike("leave", _left_out(self.designs)), *_alike("violate", self._violated)]
-        said += _lengths(self.designs)
-        said += _alike("cost", _limits(self.quantities, self.designs))
-        said += self._safe_points
+        sentences = [*_alike("leave", _left_out(self.designs)), *_alike("violate", self._violated)]
+        sentences += _lengths(self.designs)
+        sentences += _alike("cost", _limits(self.quantities, self.designs))
+        sentences += self._safe_points
         whole = table[table["points_left_out"] == 0]
-        said = [f"{self.verdict[:1].upper()}{self.verdict[1:]}.", *said]
+        sentences = [f"{self.verdict[:1].upper()}{self.verdict[1:]}.", *sentences]
         if whole.empty:
-            return said
+            return sentences
         for column, words, in_ in _TOLD:
             values = whole[column].dropna()
             if len(values) > 1:
                 same = ", ".join(map(str, values.index[values == values.min()]))
                 least = number(values.min())
-                said.append(f"{words}: {same} ({least}{f' {in_}' if in_ else ''}).")
+                sentences.append(f"{words}: {same} ({least}{f' {in_}' if in_ else ''}).")
         if others := [str(name) for name in whole.index[~whole["pareto"]]]:
-            said.append(f"Not Pareto-optimal in {WEIGHED}: {', '.join(others)}.")
+            sentences.append(f"Not Pareto-optimal in {WEIGHED}: {', '.join(others)}.")
         last = str(self.tornado())
-        return [*said, f"{last[:1].upper()}{last[1:]}."]
+        return [*sentences, f"{last[:1].upper()}{last[1:]}."]
 
     @cached_property
     def _safe_points(self) -> list[str]:
@@ -398,9 +398,9 @@ class Comparison:
         buses = [
             name for name in OPTIONS[2:] if name in self.designs and self.designs[name].connected
         ]
-        said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
+        start = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
         if not safe.any() or not buses:
-            return [f"{said}the cabinet."] if safe.any() else []
+            return [f"{start}the cabinet."] if safe.any() else []
         name = min(buses, key=lambda bus: self.quantities[bus]["total_cost_eur"])
         design = self.designs[name]
         onto, values = design.settings.field_barriers, design.settings
@@ -410,7 +410,7 @@ class Comparison:
         where, other_way = "the cabinet", "field_barriers, which connects such points to the bus"
         if onto:
             where, other_way = "its box", "home runs to barriers in the cabinet"
-        return [f"{said}{where}; {name} costs {_than(more)} with {other_way}."]
+        return [f"{start}{where}; {name} costs {_than(more)} with {other_way}."]
 
     def short(self) -> pd.DataFrame:
         """Return the most important results as text, with one column per design."""
@@ -521,8 +521,8 @@ def compared(
     """Return a comparison of designs that includes the remarks from planning."""
     named = {design.name: design for design in given}
     if not given or len(named) < len(given):
-        said = ", ".join(repr(design.name) for design in given) or "none"
-        raise ArgumentError(f"designs are {said}; there must be one or more, with different names")
+        names = ", ".join(repr(design.name) for design in given) or "none"
+        raise ArgumentError(f"designs are {names}; there must be one or more, with different names")
     first = given[0]
     tags = first.points["tag"].tolist()
     for design in given[1:]:
@@ -610,11 +610,11 @@ def _why(design: Design) -> str:
     """Return the first reason for each limit that a design exceeds, as text."""
     counts = design.reasons["limit"].value_counts()
     first = design.reasons.drop_duplicates("limit")
-    said = [
+    reasons = [
         f"{text} (and {more} more)" if (more := counts[limit] - 1) else text
         for limit, text in zip(first["limit"], first["text"], strict=True)
     ]
-    return f": {'; '.join(said)}" if said else ""
+    return f": {'; '.join(reasons)}" if reasons else ""
 
 
 def _by_design(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:

@@ -102,8 +102,8 @@ class Points(Cells):
         positions = [title for title in self.unused if _PLACE_WORD.search(title)]
         if positions and not {*_POSITION} <= self.places.keys():
             self.unused = [title for title in self.unused if title not in positions]
-            said = "; ".join(positions)
-            self.remarks.append(Remark(f"not used, but may be a position: {said}", doubt=True))
+            statement = "; ".join(positions)
+            self.remarks.append(Remark(f"not used, but may be a position: {statement}", doubt=True))
 
     def column_faults(self) -> list[str]:
         """Return which columns of a position, the tag and the signal are missing."""
@@ -203,10 +203,10 @@ def _place_by_frames(cells: Points, numbers: dict[str, Floats]) -> None:
         reading = cells.reading
         tables = {"x_m": reading.frames, "z_m": reading.decks}
         if not all(tables[axis] for axis in computed):
-            said = (
+            statement = (
                 "not placed by frame and deck; the settings do not define both [frames] and [decks]"
             )
-            cells.doubt(said, given)
+            cells.doubt(statement, given)
             return
         known = {row: _placed(reading, dict(zip(columns, row, strict=True)), computed)
                  for row in set(rows)}  # fmt: skip
@@ -218,8 +218,8 @@ def _place_by_frames(cells: Points, numbers: dict[str, Floats]) -> None:
             for name, value in found.items():
                 if name != "y_m" or np.isnan(numbers[name][place]):
                     numbers[name][place] = value
-        said = ", ".join(axis[0] for axis in computed)
-        cells.remarks.append(Remark(f"computed from frame and deck: {said}", detail=True))
+        statement = ", ".join(axis[0] for axis in computed)
+        cells.remarks.append(Remark(f"computed from frame and deck: {statement}", detail=True))
         for axis in cells.places.keys() & {*_POSITION}:
             alone = np.flatnonzero(cells.given(axis) & ~given).tolist()
             empty = np.flatnonzero(given & ~cells.given(axis)).tolist()
@@ -277,8 +277,8 @@ def _check_boxes(cells: Points, boxes: Sequence[str], numbers: dict[str, Floats]
     for row in np.flatnonzero(stray).tolist():
         where = ", ".join(f"{value:g}" for value in places[same[row]])
         other = f"box {boxes[row]!r} has a different position in row {cells.rows[same[row]]}"
-        said = f", column {cells.title(_BOX[0])}: {other}; expected {where} m"
-        cells.fault(row, _BOX[0], said)
+        statement = f", column {cells.title(_BOX[0])}: {other}; expected {where} m"
+        cells.fault(row, _BOX[0], statement)
     fill = (same >= 0) & ~have.any(axis=1)
     for axis, name in enumerate(_BOX):
         numbers[name] = np.where(fill, places[same, axis], numbers[name])
@@ -328,8 +328,8 @@ def points_of(
         cells.remarks.append(Remark("intrinsically safe, each with a barrier", safe))
     if count := int(np.isnan(numbers["update_ms"]).sum()):
         which = f"{count} points have" if count > 1 else "1 point has"
-        said = f"{which} no update time; the one in the settings is used, by default 1000 ms"
-        cells.remarks.append(Remark(said))
+        statement = f"{which} no update time; the one in the settings is used, by default 1000 ms"
+        cells.remarks.append(Remark(statement))
     columns: dict[str, object] = {
         **texts,
         "type": [SIGNALS[name].kind for name in signals],
@@ -398,8 +398,8 @@ def _check_tags(cells: Points, tags: list[str]) -> None:
         before = first.setdefault(tag.casefold(), row)
         if before != row and tag:
             taken = f"{tag!r} is already the tag of row {cells.rows[before]}"
-            said = f", column {cells.title('tag')}: {taken}; expected a different tag"
-            cells.fault(row, "tag", said)
+            statement = f", column {cells.title('tag')}: {taken}; expected a different tag"
+            cells.fault(row, "tag", statement)
 
 
 def _look_up(cells: Points, name: str, known: Mapping[str, str], expected: str) -> list[str]:
@@ -432,8 +432,8 @@ def _signals(cells: Points, kinds: list[str], safety: list[str]) -> list[str]:
             taken.setdefault((point[0], signal), []).append(cells.rows[row])
     untyped = (word for word, kind in zip(words, kinds, strict=True) if not kind)
     for word, count in Counter(filter(_input_of, untyped)).items():
-        said = f"signal {word!r} without a type is read as an input, not an output"
-        cells.remarks.append(Remark(f"{said}: {count} time{'s' if count > 1 else ''}"))
+        statement = f"signal {word!r} without a type is read as an input, not an output"
+        cells.remarks.append(Remark(f"{statement}: {count} time{'s' if count > 1 else ''}"))
     for (word, signal), rows in taken.items():
         cells.remarks.append(Remark(f"signal {word!r} read as {signal}", tuple(rows), detail=True))
     return signals
@@ -569,8 +569,8 @@ class PointTable:
 
     def table(self) -> pd.DataFrame:
         """Return the points, one per row, without empty columns."""
-        said = (self.points.notna() & (self.points != "")).any()
-        return self.points.loc[:, said].copy()
+        filled = (self.points.notna() & (self.points != "")).any()
+        return self.points.loc[:, filled].copy()
 
     def where(self, query: str) -> Self:
         """Return a list of the points that match a query for `pandas.DataFrame.query`."""
