@@ -4,7 +4,11 @@ import json
 import re
 import shutil
 from base64 import b64encode
+from contextlib import closing, suppress
+from http.client import HTTPConnection
 from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import urlopen
 
 import nbformat
 import pytest
@@ -426,6 +430,40 @@ def test_a_tool_is_ready_and_examples_are_shown_as_stored_not_run(page, browser,
             expect(early.locator(".shipnet-title")).to_contain_text("It waits.")
             expect(early.locator(".shipnet-stored img")).to_be_visible()
             expect(early.get_by_role("status")).to_contain_text("is starting")
+
+
+def test_a_page_opened_by_its_link_asks_once_for_its_widgets_and_ends_its_kernel(page, tmp_path):
+    (folder := tmp_path / "tools").mkdir()
+    write(folder / "slow.ipynb", SLOW)
+    sent: list[str] = []
+    page.on("websocket", lambda socket: socket.on("framesent", lambda text: sent.append(str(text))))
+    limit = (f"{launcher.PREHEAT}=False", "--Tools.most_kernels=1")
+    with served(folder, tmp_path, *limit) as address:
+        link = f"{address}/voila/render/slow.ipynb"
+        page.goto(link, timeout=LONG)
+        tool = Tool(page)
+        tool.says("waited 10")
+        assert sum("request_states" in text for text in sent) == 1
+        assert not any(re.search(r"request_state\b", text) for text in sent)
+        with pytest.raises(HTTPError) as refused:
+            urlopen(link, timeout=60)
+        assert refused.value.code == 503
+        assert "1 tools are open" in refused.value.read().decode()
+        page.goto(address)
+        # A kernel whose page is closed does not wait for Voila's 120 s.
+        for _ in range(60):
+            with suppress(HTTPError), urlopen(link, timeout=60) as answer:
+                assert answer.status == 200
+                break
+            page.wait_for_timeout(500)
+        else:
+            pytest.fail("the kernel of the closed page still runs")
+
+
+def test_foreign_host_names_are_refused(app):
+    with closing(HTTPConnection(app.removeprefix("http://"))) as connection:
+        connection.request("GET", "/", headers={"Host": "foreign.example"})
+        assert connection.getresponse().status == 403
 
 
 def test_every_tool_is_opened_here():
