@@ -64,9 +64,7 @@ def _crc_fits(rows: Bytes) -> Bools:
 
 
 def _with_crc(rows: Bytes) -> Bytes:
-    check, whole = _crc(rows), np.empty((len(rows), rows.shape[1] + _CRC), np.uint8)
-    whole[:, :-_CRC], whole[:, -2], whole[:, -1] = rows, check & 0xFF, check >> 8
-    return whole
+    return np.hstack([rows, _crc(rows).astype("<u2")[:, np.newaxis].view(np.uint8)])
 
 
 # The printed packet ----------------------------------------------------------------------------
@@ -138,9 +136,9 @@ class MarkerFormat(PacketFormat):
         """Return a new parser; its `feed` takes a stream in pieces of any length."""
         return MarkerParser(self)
 
-    def _taken(self, stream: bytes) -> list[tuple[int, str]]:
-        parser = self.parser()
-        return [(byte, parser.read(byte)) for byte in stream]
+    def _meanings(self, stream: bytes) -> list[str]:
+        parser, packets = self.parser(), list[Items]()
+        return [parser.read(byte, packets) for byte in stream]
 
     @staticmethod
     def false_sync(n_bytes: int, markers: int = 3) -> float:
@@ -183,15 +181,11 @@ class MarkerFormat(PacketFormat):
 
     def _encode_rows(self, items: Bytes) -> Bytes:
         n_packets, n_items, _ = items.shape
-        head, lead = self.head, self.lead
-        size = self.size(n_items) - _CRC * self.crc
-        rows = np.empty((n_packets, size), np.uint8)
-        rows[:, : len(head)] = list(head)
-        groups = rows[:, len(head) : -1].reshape(n_packets, n_items, len(lead) + _ITEM)
-        groups[..., : len(lead)], groups[..., len(lead) :] = list(lead), items
-        # A reshaped part of the rows is a copy, not a view.
-        rows[:, len(head) : -1] = groups.reshape(n_packets, -1)
-        rows[:, -1] = PACKET_END
+        leads = np.full((n_packets, n_items, len(self.lead)), DATA_START, np.uint8)
+        groups = np.concatenate([leads, items], axis=2)
+        head = np.tile(np.frombuffer(self.head, np.uint8), (n_packets, 1))
+        end = np.full((n_packets, 1), PACKET_END, np.uint8)
+        rows = np.hstack([head, groups.reshape(n_packets, n_items * groups.shape[2]), end])
         return _with_crc(rows) if self.crc else rows
 
     def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
@@ -224,63 +218,57 @@ class MarkerParser:
         """Return the packets that these bytes complete."""
         packets: list[Items] = []
         for byte in check_bytes("data", data):
-            if not self._fits(byte):
-                self.discarded += len(self._packet)
-                self._packet.clear()
-                if byte != PACKET_START:
-                    self.discarded += 1
-                    continue
-            self._packet.append(byte)
-            if len(self._packet) == self._size:
-                self._finish(packets)
+            self.read(byte, packets)
         return packets
 
-    def read(self, byte: int) -> str:
-        """Read one byte, and return its meaning."""
-        complete = self.feed(bytes([byte]))
-        place, head, lead = len(self._packet) - 1, len(self._head), len(self._lead)
-        if complete:
-            return "CRC" if self._format.crc else "end of the packet"
-        if place < 0:
-            return "discarded"
-        if place < head:
-            return ("start of the packet", "start of the data")[place]
-        if self._size:
-            return "CRC" if place >= self._size - _CRC else "end of the packet"
-        within = (place - head) % (lead + _ITEM) - lead
-        return "start of the data" if within < 0 else _PARTS[within]
+    def read(self, byte: int, packets: list[Items]) -> str:
+        """Read one byte, add the packet that it completes to `packets`, and return its meaning."""
+        meaning = self._meaning(byte)
+        if not meaning:
+            self.discarded += len(self._packet)
+            self._packet.clear()
+            if byte != PACKET_START:
+                self.discarded += 1
+                return "discarded"
+            meaning = "start of the packet"
+        self._packet.append(byte)
+        if len(self._packet) == self._size:
+            if self._format.crc and MODBUS.of(self._packet):
+                self.discarded += self._size
+                meaning = "discarded"
+            else:
+                packets.append(self._items())
+            self._packet.clear()
+        return meaning
 
-    def _fits(self, byte: int) -> bool:
-        """Return whether a byte can come next in the packet; set `_size` once its end is known."""
+    def _meaning(self, byte: int) -> str:
+        """Return what a byte means next in the packet, empty if it violates the form."""
         form, head, lead, place = self._format, self._head, self._lead, len(self._packet)
         if place < len(head):
             self._size = 0
-            return byte == head[place]
+            if byte != head[place]:
+                return ""
+            return "start of the packet" if place == 0 else "start of the data"
         if self._size:
-            return True
+            return "CRC"
         n_items, within = divmod(place - len(head), len(lead) + _ITEM)
         if within == 0 and byte == PACKET_END:
             self._size = place + 1 + _CRC * form.crc
-            return True
+            return "end of the packet"
         if n_items == form.n_numbers:
-            return False
+            return ""
         if within < len(lead):
-            return byte == lead[within]
-        if within > len(lead) or form.numbers == "any":
-            return True
-        step = len(lead) + _ITEM
-        rises = form.numbers == "known" or n_items == 0 or byte > self._packet[-step]
-        return byte < form.n_numbers and rises
+            return "start of the data" if byte == lead[within] else ""
+        if within == len(lead) and form.numbers != "any":
+            falls = n_items and byte <= self._packet[-len(lead) - _ITEM]
+            if byte >= form.n_numbers or (form.numbers == "rising" and falls):
+                return ""
+        return _PARTS[within - len(lead)]
 
-    def _finish(self, packets: list[Items]) -> None:
-        check, head, lead = _CRC * self._format.crc, len(self._head), len(self._lead)
-        if check and MODBUS.of(self._packet):
-            self.discarded += self._size
-        else:
-            starts = range(head + lead, self._size - 1 - check, lead + _ITEM)
-            triples = [self._packet[start : start + _ITEM] for start in starts]
-            packets.append(tuple((number, low | high << 8) for number, low, high in triples))
-        self._packet.clear()
+    def _items(self) -> Items:
+        packet, end = self._packet, self._size - 1 - _CRC * self._format.crc
+        starts = range(len(self._head) + len(self._lead), end, len(self._lead) + _ITEM)
+        return tuple((packet[k], packet[k + 1] | packet[k + 2] << 8) for k in starts)
 
 
 # The byte-stuffed packet -----------------------------------------------------------------------
@@ -303,16 +291,8 @@ def stuff(data: Bytes) -> Bytes:
 def unstuff(rows: Bytes) -> tuple[Bools, Bytes]:
     """Return whether each row is stuffed correctly, and its original bytes (invalid if not)."""
     n_rows, width = rows.shape
-    good = (rows != 0).all(axis=1)
-    if n_rows == 1:  # a single packet is faster byte by byte
-        data, start = bytearray(rows.tobytes()), 0
-        while start < width and data[start]:
-            step = data[start]
-            data[start] = 0
-            start += step
-        return good & (start == width), np.frombuffer(data, np.uint8)[np.newaxis, 1:]
-    plain, row, end = rows.copy(), np.arange(n_rows), np.zeros(n_rows, np.intp)
-    place = end.copy()
+    plain, row = rows.copy(), np.arange(n_rows)
+    place, end = np.zeros((2, n_rows), np.intp)
     while row.size:
         steps = rows[row, place]
         plain[row, place] = 0
@@ -320,7 +300,7 @@ def unstuff(rows: Bytes) -> tuple[Bools, Bytes]:
         end[row] = place
         going = (steps > 0) & (place < width)
         row, place = row[going], place[going]
-    return good & (end == width), plain[:, 1:]
+    return (rows != 0).all(axis=1) & (end == width), plain[:, 1:]
 
 
 @record
@@ -362,22 +342,19 @@ class CobsFormat(PacketFormat):
         """Return a new parser; its `feed` takes a stream in pieces of any length."""
         return CobsParser(self)
 
-    def _taken(self, stream: bytes) -> list[tuple[int, str]]:
+    def _meanings(self, stream: bytes) -> list[str]:
         *packets, rest = stream.split(b"\0")
-        taken: list[tuple[int, str]] = []
-        for packet in packets:
-            taken += zip(packet + b"\0", self._parts(packet), strict=True)
-        return taken + [(byte, "not complete") for byte in rest]
+        meanings = [meaning for packet in packets for meaning in self._parts(packet)]
+        return meanings + ["not complete"] * len(rest)
 
     def _parts(self, packet: bytes) -> list[str]:
         """Return the meaning of each byte of a packet and of the 0 that ends it."""
         try:
-            self.decode(packet + b"\0")
+            items = self.decode(packet + b"\0")
         except FrameError:
             return ["discarded"] * (len(packet) + 1)
-        n_items = (len(packet) - 3) // 3
-        parts = [f"distance to the first 0: {packet[0]}", *n_items * _PARTS, "CRC", "CRC"]
         place = packet[0]
+        parts = [f"distance to the first 0: {place}", *len(items) * _PARTS, "CRC", "CRC"]
         while place < len(packet):
             parts[place] += f", a 0; distance to the next: {packet[place]}"
             place += packet[place]
@@ -385,12 +362,11 @@ class CobsFormat(PacketFormat):
 
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
         """Return an estimate, usually too high, of the fraction accepted with errors."""
-        # Undetected single-bit errors are counted by trying every bit. Two or more inverted bits
-        # are treated as noise, of which a fraction of 2**-16 passes. Of four million pairs of
-        # inverted bits, none passed.
+        # No single inverted bit passes. Two or more are treated as noise, of which a fraction of
+        # 2**-16 passes. Of four million pairs of inverted bits, none passed.
         bits = 8 * self.size(n_items)
         single = bits * p * (1 - p) ** (bits - 1)
-        return self.undetected_flips(n_items) * single + max(hit - single, 0.0) * 2.0**-_CRC_BITS
+        return max(hit - single, 0.0) * 2.0**-_CRC_BITS
 
     def _encode_rows(self, items: Bytes) -> Bytes:
         data = _with_crc(items.reshape(len(items), -1))

@@ -6,8 +6,6 @@ Bits are inverted independently with a probability p; start and stop bits are no
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cache
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -47,26 +45,12 @@ def check_bytes(name: str, data: object) -> bytes:
 # Outcomes of packets ---------------------------------------------------------------------------
 
 
-class Shares(NamedTuple):
-    """The outcomes of packets as fractions of all; `undetected` means accepted with errors."""
+class Outcomes(NamedTuple):
+    """The outcomes of packets, as counts or fractions; `undetected` means accepted with errors."""
 
     intact: float
     detected: float
     undetected: float
-
-
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """Counts of packets: sent over a disturbed line, detected as wrong, accepted with errors."""
-
-    sent: int
-    detected: int
-    undetected: int
-
-    @property
-    def intact(self) -> int:
-        """Number of packets accepted as they were sent."""
-        return self.sent - self.detected - self.undetected
 
     @property
     def missed(self) -> float:
@@ -79,9 +63,8 @@ class Trial:
 
 
 class Parser(Protocol):
-    """Finds the packets in a stream of bytes."""
+    """Finds the packets in a stream; `discarded` counts the bytes that are not part of one."""
 
-    #: Bytes discarded so far, because they are not part of a packet.
     discarded: int
 
     def feed(self, data: bytes) -> list[Items]:
@@ -150,11 +133,11 @@ class PacketFormat:
 
         The first byte is at place `start` of a ring of 128 bytes.
         """
-        size = 128
-        taken = self._taken(check_bytes("stream", stream))
+        data, size = check_bytes("stream", stream), 128
         start = check_whole("start", start, 0, size - 1)
-        rows = [((start + k) % size, f"0x{byte:02X}", what) for k, (byte, what) in enumerate(taken)]
-        return pd.DataFrame(rows, columns=["place", "byte", "taken_as"])
+        places = [(start + k) % size for k in range(len(data))]
+        shown = [f"0x{byte:02X}" for byte in data]
+        return pd.DataFrame({"place": places, "byte": shown, "taken_as": self._meanings(data)})
 
     def stream(self, n_bytes: int, items: int | None = None) -> bytes:
         """Return `n_bytes` of packets sent without pauses.
@@ -204,14 +187,18 @@ class PacketFormat:
             return Decoded(error, none, none.astype(np.uint16))
         formed, checked, items = self._decode_rows(rows, n_items)
         numbers = items[..., 0]
-        error = np.where(self._accepts(numbers), 0, FieldError.code).astype(np.uint8)
+        error = np.zeros(len(rows), np.uint8)
+        if self.numbers != "any":
+            error[(numbers >= self.n_numbers).any(axis=1)] = FieldError.code
+        if self.numbers == "rising":
+            error[(numbers[:, 1:] <= numbers[:, :-1]).any(axis=1)] = FieldError.code
         error[~checked] = CrcError.code
         error[~formed] = FormError.code
         values = items[..., 1] | items[..., 2].astype(np.uint16) << 8
         good = (error == 0)[:, None]
         return Decoded(error, numbers * good, values * good)
 
-    def error_shares(self, n_items: int, rate: float) -> Shares:
+    def error_shares(self, n_items: int, rate: float) -> Outcomes:
         """Return the fractions of intact, detected and undetected packets, in closed form.
 
         Bits are inverted independently with probability `rate`, 0..0.5; start and stop bits are
@@ -223,7 +210,7 @@ class PacketFormat:
         # 1 - intact, computed without cancellation for small p.
         hit = -float(np.expm1(bits * np.log1p(-p)))
         undetected = self._undetected(n, p, hit)
-        return Shares((1 - p) ** bits, hit - undetected, undetected)
+        return Outcomes((1 - p) ** bits, hit - undetected, undetected)
 
     def undetected_flips(self, n_items: int) -> float:
         r"""Return the fraction of single-bit errors that a receiver does not detect.
@@ -234,35 +221,35 @@ class PacketFormat:
 
         for n items in a packet of L bytes, unless a bit turns a number into 0xEE.
         """
-        return _single_flip_share(self, check_whole("n_items", n_items, 0, self.n_numbers))
+        n = check_whole("n_items", n_items, 0, self.n_numbers)
+        packet = np.frombuffer(self.encode(dict.fromkeys(range(n), 0)), np.uint8)
+        flips = np.packbits(np.eye(8 * packet.size, dtype=np.uint8), axis=1)
+        return float(self.decode_batch(packet ^ flips).accepted.mean())
 
     def transmit(
         self, n_items: int, rate: float, packets: int, rng: np.random.Generator | int | None = None
-    ) -> Trial:
-        """Send packets; return how many are detected as wrong, and how many accepted with errors.
+    ) -> Outcomes:
+        """Send packets; return how many arrive intact, are detected as wrong, or are undetected.
 
         The values are random, and bits are inverted with the probability `rate`, 0..0.5.
         """
         outcomes = self.outcomes(n_items, rate, packets, check_rng(rng))
-        return Trial(outcomes.size, *np.bincount(outcomes, minlength=3)[1:].tolist())
+        return Outcomes(*np.bincount(outcomes, minlength=3).tolist())
 
     def outcomes(self, n_items: int, rate: float, packets: int, rng: np.random.Generator) -> Bytes:
         """Return the outcomes of packets with random values: 0 intact, 1 detected, 2 undetected."""
-        # The gaps between inverted bits are drawn at random, not the bits themselves. Only packets
-        # with inverted bits are built and checked, because all others are accepted.
+        # Only packets with inverted bits are built and checked, because all others are accepted.
         p = check_scalar("rate", rate, "", 0, 0.5)
         n = check_whole("packets", packets, 0, 10**9)
-        items = check_whole("n_items", n_items, 0, self.n_numbers)
-        size = self.size(items)
+        size, numbers = self.size(n_items), np.arange(n_items)
         outcome = np.zeros(n, np.uint8)
-        numbers = np.arange(items)
         for first in range(0, n, _CHUNK):
             count = min(_CHUNK, n - first)
             place = _hits(8 * size * count, p, rng)
             if place.size == 0:
                 continue
             hit, row = np.unique(place // (8 * size), return_inverse=True)
-            values = rng.integers(0, 1 << 16, (hit.size, items), dtype=np.uint16)
+            values = rng.integers(0, 1 << 16, (hit.size, n_items), dtype=np.uint16)
             rows = self.encode_batch(numbers, values)
             bit = place % (8 * size)
             masks = (0x80 >> (bit & 7)).astype(np.uint8)
@@ -276,7 +263,7 @@ class PacketFormat:
         """Return the fraction of packets accepted with errors if a fraction `hit` is disturbed."""
         raise NotImplementedError
 
-    def _taken(self, stream: bytes) -> list[tuple[int, str]]:
+    def _meanings(self, stream: bytes) -> list[str]:
         raise NotImplementedError
 
     def _encode_rows(self, items: Bytes) -> Bytes:
@@ -285,15 +272,6 @@ class PacketFormat:
     def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
         """Return, by row, whether the form is correct, whether the CRC matches, and the items."""
         raise NotImplementedError
-
-    def _accepts(self, numbers: Bytes) -> Bools:
-        """Return, for each row, whether the receiver accepts its numbers."""
-        if self.numbers == "any":
-            return np.ones(len(numbers), bool)
-        accepts: Bools = np.all(numbers < self.n_numbers, axis=1)
-        if self.numbers == "rising":
-            accepts &= np.all(numbers[:, 1:] > numbers[:, :-1], axis=1)
-        return accepts
 
 
 def _whole(name: str, values: npt.ArrayLike, highest: int) -> Integers:
@@ -306,15 +284,9 @@ def _whole(name: str, values: npt.ArrayLike, highest: int) -> Integers:
     return array.astype(np.int64)
 
 
-@cache
-def _single_flip_share(packet_format: PacketFormat, n_items: int) -> float:
-    frame = np.frombuffer(packet_format.encode(dict.fromkeys(range(n_items), 0)), np.uint8)
-    flipped = frame ^ np.packbits(np.eye(8 * frame.size, dtype=np.uint8), axis=1)
-    return float(packet_format.decode_batch(flipped).accepted.mean())
-
-
 def _hits(n_bits: int, p: float, rng: np.random.Generator) -> Integers:
     """Return random places of inverted bits among `n_bits` bits, in ascending order."""
+    # The gaps between inverted bits are drawn at random, not the bits themselves.
     if p == 0 or n_bits == 0:
         return np.zeros(0, np.int64)
     parts, reached = [], -1
