@@ -545,6 +545,11 @@ class Adu:
         """TCP frame, 8..260 bytes: transaction id (0 if None), protocol 0, length, unit id, PDU."""
         return tcp_frame(self.unit_id, self.pdu, self.transaction_id or 0)
 
+    @property
+    def frame(self) -> bytes:
+        """TCP frame if there is a transaction id, otherwise RTU frame."""
+        return self.rtu if self.transaction_id is None else self.tcp
+
     def request(self) -> Request:
         """Return the request in the PDU, or raise an error that names the wrong field."""
         return Request.parse(self.pdu)

@@ -206,7 +206,7 @@ def test_decoders_survive_any_bytes_and_parsers_read_their_own_output(function, 
 
 @given(request=st.one_of(*REQUESTS.values()).map(lambda both: both[0]))
 def test_requests_are_read_back_and_their_responses_have_the_predicted_size(request):
-    assert Request.parse(request.pdu) == request
+    assert Request.parse(request.pdu) == eval(repr(request)) == request
     response = answer(request)
     assert len(response.pdu) == request.response_size
     assert Response.parse(response.pdu, request) == response
@@ -274,6 +274,10 @@ def test_faulty_requests_are_refused_by_field(pdu, error, message):
     assert caught.type is error
 
 
+READ = Request.read_holding_registers(0, 2)
+WRITE = Request.write_multiple_registers(1, [0, 0])
+
+
 @pytest.mark.parametrize(
     ("pdu", "request_", "error", "message"),
     [
@@ -283,33 +287,40 @@ def test_faulty_requests_are_refused_by_field(pdu, error, message):
         ("8307", None, FieldError, "exception is 7"),
         ("8302ff", None, LengthError, "must have 2"),
         ("80", None, UnknownCallError, "128"),
-        (
-            "04020000",
-            Request.read_holding_registers(0, 1),
-            MismatchError,
-            "function code is 4, but 3",
-        ),
-        ("8402", Request.read_holding_registers(0, 1), MismatchError, "function code is 4"),
-        (
-            "03020000",
-            Request.read_holding_registers(0, 2),
-            MismatchError,
-            "byte count is 2, .* requires 4",
-        ),
+        ("04020000", READ, MismatchError, "function code is 4, but 3"),
+        ("8402", READ, MismatchError, "function code is 4"),
+        ("03020000", READ, MismatchError, "byte count is 2, .* requires 4"),
         ("0101ff", Request.read_coils(0, 9), MismatchError, "byte count is 1"),
         ("0600010003", Request.write_single_register(1, 4), MismatchError, "echo is 0600010003"),
-        (
-            "1000010003",
-            Request.write_multiple_registers(1, [0, 0]),
-            MismatchError,
-            "00010003.*00010002",
-        ),
+        ("1000010003", WRITE, MismatchError, "00010003.*00010002"),
     ],
 )
 def test_faulty_responses_are_refused_by_field(pdu, request_, error, message):
     with pytest.raises(error, match=message) as caught:
         Response.parse(bytes.fromhex(pdu), request_)
     assert caught.type is error
+
+
+@pytest.mark.parametrize(
+    ("pdu", "fields"),
+    [
+        (READ, "unit id, function code, starting address, quantity, CRC"),
+        (READ.response([0] * 2), "unit id, function code, byte count, values, CRC"),
+        (READ.exception(2), "unit id, function code, exception code, CRC"),
+        (Request.write_single_register(1, 2), "unit id, function code, address, value, CRC"),
+        (WRITE, "unit id, function code, starting address, quantity, byte count, values, CRC"),
+        (WRITE.response(), "unit id, function code, starting address, quantity, CRC"),
+        (bytes.fromhex("2b0e"), "unit id, function code, data, CRC"),
+    ],
+)
+def test_a_table_names_each_field_and_contains_every_byte(pdu, fields):
+    adu = Adu(1, pdu)
+    table = adu.table()
+    assert ", ".join(table.index) == fields
+    assert bytes.fromhex("".join(table["bytes"])) == adu.rtu
+    tcp = Adu(1, pdu, 5).table()
+    assert bytes.fromhex("".join(tcp["bytes"])) == Adu(1, pdu, 5).tcp
+    assert list(tcp.index[:4]) == ["transaction id", "protocol id", "length", "unit id"]
 
 
 @pytest.mark.parametrize(
@@ -330,17 +341,6 @@ def test_faulty_frames_are_refused(framing, frame, error, message):
         decode(frame, framing)
     assert caught.type is error
     assert str(caught.value) == message
-
-
-@pytest.mark.parametrize("size", [1, 253])
-@pytest.mark.parametrize("framing", FRAMERS)
-def test_the_shortest_and_the_longest_pdu_are_framed(framing, size):
-    for kind in (bytes, bytearray, memoryview):
-        pdu = kind(b"\3" * size)
-        for unit in (0, 247):
-            assert decode(getattr(Adu(unit, pdu, 5), framing), framing).pdu == b"\3" * size
-        assert tcp_frame(255, pdu, 0xFFFF)[:8] == b"\xff\xff\0\0" + bytes([0, size + 1, 255, 3])
-        assert rtu_frame(0, pdu)[:2] == b"\0\3"
 
 
 def test_a_reserved_unit_id_with_a_right_crc_is_refused():

@@ -110,16 +110,8 @@ def test_the_maximum_number_of_slaves_fits_and_one_more_does_not(poll, n, data):
     ],
 )
 def test_a_scan_in_one_line_is_that_of_its_formula(n, registers, dead, retries, rate, character):
-    found = modbus.scan(
-        n,
-        registers=registers,
-        bit_rate=rate,
-        character=character,
-        processing=3e-3,
-        dead=dead,
-        timeout=3.0,
-        retries=retries,
-    )
+    line = {"bit_rate": rate, "character": character, "processing": 3e-3}
+    found = modbus.scan(n, registers=registers, dead=dead, timeout=3.0, retries=retries, **line)
     byte = (10 if character == "8N1" else 11) / rate
     silence = 3.5 * byte if rate <= 19200 else 1.75e-3
     parts = [125] * (registers // 125) + [registers % 125] * (registers % 125 > 0)

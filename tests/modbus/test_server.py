@@ -295,27 +295,6 @@ def test_a_late_response_is_taken_for_the_next_valve_if_ids_are_0_and_dropped_if
             assert found.registers == [200, 201]
 
 
-def test_a_broadcast_is_executed_and_not_answered():
-    devices = {1: device(), 2: Slave(device(), functions={3})}
-    with serve(devices) as server, raw(server) as client:
-        client.send(
-            tcp_frame(0, Request.write_single_register(0, 99).pdu, 1) + tcp_frame(1, READ, 2)
-        )
-        expected = tcp_frame(1, Response(3, registers=[99, 11]).pdu, 2)
-        assert receive(client, len(expected)) == expected
-    assert devices[2].device.holding_registers[0] == 10  # it serves no writes
-
-
-def test_a_client_that_stops_within_a_frame_does_not_delay_others():
-    with serve({1: device()}) as server, raw(server) as hung, raw(server) as client:
-        hung.send(tcp_frame(1, READ, 1)[:9])
-        client.send(tcp_frame(1, READ, 2))
-        assert receive(client, 13) == tcp_frame(1, response(), 2)
-        assert is_silent(hung)
-        hung.send(tcp_frame(1, READ, 1)[9:])
-        assert receive(hung, 13) == tcp_frame(1, response(), 1)
-
-
 def test_frames_of_another_protocol_are_skipped_and_an_impossible_length_ends_the_connection():
     with serve({1: device()}) as server:
         with raw(server) as client:
@@ -631,16 +610,21 @@ def test_arguments_out_of_range_are_named(make, message):
 
 @pytest.mark.parametrize(("module", "package"), [("pymodbus", "pymodbus"), ("serial", "pyserial")])
 def test_a_missing_library_is_named_with_the_command_that_installs_it(module, package):
-    program = f"""
-import sys
-sys.modules[{module!r}] = None
-from shipnet.modbus.server import serve
-from shipnet.modbus.slave import Slave
-try:
-    serve({{1: Slave()}}, "rtu", serial_port="x")
-except ImportError as problem:
-    print(problem)
-"""
+    program = (
+        f"import sys; sys.modules[{module!r}] = None\n"
+        "from shipnet.modbus import Slave, serve\n"
+        "try: serve({1: Slave()}, 'rtu', serial_port='x')\n"
+        "except ImportError as problem: print(problem)"
+    )
     printed = subprocess.check_output([sys.executable, "-c", program], text=True)
     assert printed.startswith(f"{package} is not installed")
     assert printed.endswith(f"python -m pip install {package}\n")
+
+
+def test_the_reprs_of_slaves_and_servers_are_one_line():
+    box = Slave(holding_registers=[1, 2], exception=6, silent=True)
+    assert repr(box) == "Slave(Registers, delay 0 s, exception SERVER_DEVICE_BUSY, silent)"
+    server = serve({1: box, 2: box})
+    assert repr(server) == "Server(2 slaves, does not listen)"
+    with server:
+        assert repr(server) == f"Server(2 slaves, listens on port {server.port})"
