@@ -97,7 +97,7 @@ def check_coils(coils: Iterable[bool], most: int, name: str = "coils") -> tuple[
     for k, value in enumerate(values):
         if type(value).__name__ not in ("bool", "bool_"):  # types of Python and NumPy
             check_whole(f"{name}[{k}]", value, 0, 1)
-    return tuple(bool(value) for value in values)
+    return tuple(map(bool, values))
 
 
 def _bits(data: bytes) -> tuple[bool, ...]:
@@ -123,13 +123,10 @@ def _sequence(name: str, values: Iterable[Any], most: int) -> tuple[Any, ...]:
     return found
 
 
-_FUNCTIONS = {int(code): code for code in FunctionCode}
-
-
 def _function(value: int) -> FunctionCode:
     try:
-        return _FUNCTIONS[value]
-    except (KeyError, TypeError):
+        return FunctionCode(value)
+    except ValueError:
         raise ArgumentError(f"function is {value!r}; it must be {_CODES}") from None
 
 
@@ -257,8 +254,7 @@ class Request(_Framed):
     @classmethod
     def parse(cls, pdu: bytes) -> Request:
         """Return the request in a PDU, or raise an error that names the wrong field."""
-        data = _opened(pdu, "request")
-        (address, number), values = _read(data, _REQUESTS)
+        data, (address, number), values = _read(pdu, "request", _REQUESTS)
         code = data[0]
         try:
             if code in READ_LIMITS:
@@ -382,8 +378,8 @@ class Response(_Framed):
         """
         if request is not None and not isinstance(request, Request):
             raise ArgumentError(f"request is {request!r}; it must be a Request")
-        data = _opened(pdu, "response")
-        (numbers, values), code = _read(data, _RESPONSES), data[0]
+        data, numbers, values = _read(pdu, "response", _RESPONSES)
+        code = data[0]
         try:
             if code > 0x80:
                 response = cls(code & 0x7F, exception=data[1])  # type: ignore[arg-type]
@@ -466,20 +462,19 @@ _RESPONSES: dict[int, tuple[str, ...]] = {
 }
 
 
-def _opened(pdu: bytes, kind: str) -> bytes:
+def _read(
+    pdu: bytes, kind: str, layouts: dict[int, tuple[str, ...]]
+) -> tuple[bytes, tuple[int, ...], bytes]:
+    """Return the PDU, its 16-bit fields, and the bytes that follow a byte count."""
     if not isinstance(pdu, bytes | bytearray | memoryview):
         raise ArgumentError(f"pdu is {pdu!r}; it must be bytes")
     if not 1 <= len(pdu) <= MAX_PDU:
         raise LengthError(f"the {kind} has {len(pdu)} bytes; it must have 1..{MAX_PDU}")
-    return bytes(pdu)
-
-
-def _read(data: bytes, layouts: dict[int, tuple[str, ...]]) -> tuple[tuple[int, ...], bytes]:
-    """Return the 16-bit fields after the function code, and the bytes that follow a byte count."""
+    data = bytes(pdu)
     if data[0] > 0x80 and layouts is _RESPONSES:
         if len(data) != 2:
             raise LengthError(f"the exception has {len(data)} bytes; it must have 2")
-        return (), b""
+        return data, (), b""
     if data[0] not in layouts:
         raise UnknownCallError(f"function code is {data[0]}; it must be {_CODES}")
     names = layouts[data[0]]
@@ -491,7 +486,7 @@ def _read(data: bytes, layouts: dict[int, tuple[str, ...]]) -> tuple[tuple[int, 
         raise LengthError(f"the PDU has {len(data)} bytes; it must have {needed}")
     if counted and data[end] != len(data) - end - 1:
         raise LengthError(f"byte count is {data[end]}, but {len(data) - end - 1} bytes follow")
-    return unpack_from(f">{n}H", data, 1), data[end + 1 :]
+    return data, unpack_from(f">{n}H", data, 1), data[end + 1 :]
 
 
 def _registers(data: bytes, quantity: int | None = None) -> tuple[int, ...]:

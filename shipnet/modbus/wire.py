@@ -96,18 +96,14 @@ class WireFault:
         """Return the fault described by text such as ``late:0.1:3``: name, probability, seconds."""
         name, *numbers = fault.split(":")
         try:
-            if len(numbers) > 2:
-                raise ValueError
-            values = [float(one) for one in numbers]
-        except ValueError:
+            return cls(name, *map(float, numbers))  # type: ignore[arg-type] # the choice is checked
+        except ArgumentError as error:
+            raise ArgumentError(f"wire fault {fault!r}: {error}") from None
+        except (TypeError, ValueError):
             raise ArgumentError(
                 f"wire fault is {fault!r}; it must be NAME, NAME:PROBABILITY or "
                 "NAME:PROBABILITY:SECONDS, such as wrong-unit:0.1"
             ) from None
-        try:
-            return cls(name, *values)  # type: ignore[arg-type] # the choice is checked
-        except ArgumentError as error:
-            raise ArgumentError(f"wire fault {fault!r}: {error}") from None
 
     def pieces(self, answer: Adu, previous: Adu | None = None, rng: Any = None) -> list[Piece]:
         """Return the silence before each piece of a response [s], and its bytes."""

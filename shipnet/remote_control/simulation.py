@@ -483,10 +483,7 @@ class _Simulation:
 
 
 def switch_delays(
-    system: System | None = None,
-    *,
-    changes: int = 20,
-    rng: np.random.Generator | int | None = None,
+    system: System | None = None, *, changes: int = 20, rng: np.random.Generator | int | None = None
 ) -> pd.DataFrame:
     """Return the delays with which SS follows a switch on the bridge, at the paper's bit rates.
 

@@ -110,10 +110,7 @@ def test_an_idle_line_has_no_characters(nothing):
     assert found.data == b"" and found.time.size == found.code.size == 0
 
 
-@given(
-    steps=st.lists(st.tuples(st.floats(0, 5e-3), st.floats(-10, 10)), max_size=60),
-    serial=LINES,
-)
+@given(steps=st.lists(st.tuples(st.floats(0, 5e-3), st.floats(-10, 10)), max_size=60), serial=LINES)
 def test_the_decoder_survives_any_levels(steps, serial):
     time, level = np.cumsum([s[0] for s in steps]), [s[1] for s in steps]
     found = Waveform(time, level, serial).decode()
