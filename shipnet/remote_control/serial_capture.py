@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from shipnet.arrays import Bools, Floats, Integers
-from shipnet.errors import ArgumentError, FormError, InputError, ParityError
+from shipnet.arrays import Floats
+from shipnet.errors import ArgumentError, InputError, name_of
 from shipnet.fields import check_scalar
 from shipnet.lazy import pd
 from shipnet.line.scope_file import Edges, bit_time, read_edges
-from shipnet.modbus.uart import SerialLine, Waveform
+from shipnet.modbus.uart import SerialLine, Waveform, error_codes, read_characters
 
 #: Data bits and parity that are tried.
 _FORMS = tuple((data, parity) for data in (8, 7) for parity in "NEO")
@@ -28,30 +28,6 @@ _HEAD, _GLITCH = 600, 1 / 3
 
 #: Minimum number of samples per bit, and maximum number of edges in a record.
 _FEWEST, _EDGES = 2.0, 2**22
-
-
-def _read(places: Floats, first: int, bit: float, size: int) -> tuple[Floats, Integers, int]:
-    """Return the starts of characters, their bits from start to first stop bit, and false starts.
-
-    Characters have `size` bits between start and stop bit, timed from their start bits. A false
-    start ends before the middle of the start bit. Times are in samples.
-    """
-    falls = places[first ^ 1 :: 2]
-
-    def level(times: Floats) -> Integers:
-        return np.asarray((np.searchsorted(places, times, side="right") + first) & 1)
-
-    begun = level(falls + bit / 2) == 0
-    resume = falls + np.where(begun, size + 1.5, 0.5) * bit
-    follow = np.maximum(np.searchsorted(falls, resume), np.arange(len(falls)) + 1).tolist()
-    taken, at = [], 0
-    while at < len(falls):
-        taken.append(at)
-        at = follow[at]
-    chosen = np.array(taken, dtype=int)
-    starts = falls[chosen[begun[chosen]]]
-    bits = level(starts[:, np.newaxis] + (np.arange(size + 2) + 0.5) * bit)
-    return starts, bits, len(chosen) - len(starts)
 
 
 def _fit(places: Floats, starts: Floats, bit: float, size: int) -> tuple[float, float]:
@@ -73,7 +49,7 @@ def _tuned(places: Floats, first: int, bit: float, size: int) -> float:
     """Return the bit time after a few rounds of reading and fitting."""
     begin = bit
     for _ in range(6):
-        fitted, _ = _fit(places, _read(places, first, bit, size)[0], bit, size)
+        fitted, _ = _fit(places, read_characters(places, first, bit, size)[0], bit, size)
         if not 0.9 < fitted / begin < 1.1 or abs(fitted / bit - 1) < 1e-7:
             break
         bit = fitted
@@ -89,13 +65,6 @@ def _without_glitches(places: Floats, bit: float) -> Floats:
         else:
             kept.append(place)
     return np.array(kept)
-
-
-def _faults(bits: Integers, parity: str) -> tuple[Bools, Bools]:
-    """Return which characters have a framing error, and which a parity error."""
-    framing = bits[:, -1] == 0
-    odd = bits[:, 1:-1].sum(axis=1) & 1
-    return framing, ~framing & (parity != "N") & (odd != (parity == "O"))
 
 
 def _best(
@@ -115,11 +84,11 @@ def _best(
         for data, parity in [form] if form else _FORMS:
             size = data + (parity != "N")
             fitted = bit or _tuned(clean, first, guess, size)
-            starts, bits, _ = _read(clean, first, fitted, size)
+            starts, bits, _ = read_characters(clean, first, fitted, size)
             if not len(starts):
                 continue
             off = _fit(clean, starts, fitted, size)[1]
-            score = np.logical_or(*_faults(bits, parity)).mean()
+            score = (error_codes(bits, parity) > 0).mean()
             score += (len(head) - len(clean)) / len(head)
             score += 2 * max(0.0, off - 0.5 * edges.width / fitted - 0.02)
             # Prefer longer bits, because half the bit time also fits, and parity, because without
@@ -271,7 +240,7 @@ def read_capture(
     sent = _tuned(_without_glitches(places, sent), first, sent, size)
     bit = bit if rate else sent
     clean = _without_glitches(places, bit)
-    starts, bits, false_starts = _read(clean, first, bit, size)
+    starts, bits, false_starts = read_characters(clean, first, bit, size)
     rest = np.diff(starts) / bit - (size + 1)
     stops = 2 if len(rest) > 4 and np.quantile(rest, 0.05) > 1.75 else 1
     character = character or f"{data}{parity}{stops}"
@@ -281,11 +250,10 @@ def read_capture(
         times = np.concatenate([[0.0], places]) * edges.dt
         levels = ((np.arange(len(times)) + first) & 1).astype(np.float64)
         waveform = Waveform(times, levels, SerialLine(rate, character))
-    errors = np.select(_faults(bits, parity), [FormError.__name__, ParityError.__name__], "ok")
     columns = {
         "start_s": starts * edges.dt,
         "value": bits[:, 1 : data + 1] @ (1 << np.arange(data)),
-        "error": errors.tolist(),
+        "error": [name_of(code) for code in error_codes(bits, parity).tolist()],
     }
     return SerialCapture(
         rate,
