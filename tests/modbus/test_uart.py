@@ -4,8 +4,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError, FormError, ParityError
-from shipnet.modbus.frame import rtu_frame
-from shipnet.modbus.pdu import Request
 from shipnet.modbus.uart import SerialLine, Waveform, _line_bits
 
 FORMATS = ["8N1", "8N2", "8E1", "8E2", "8O1", "8O2"]
@@ -31,18 +29,6 @@ EVERY_BYTE = bytes(range(256))
 def test_known_characters_have_the_bits_written_by_hand(character, byte, bits):
     row = _line_bits(bytes([byte]), SerialLine(9600, character))[0]
     assert "".join(map(str, row)) == bits.replace(" ", "")
-
-
-def test_a_known_frame_is_on_the_line_as_written_by_hand():
-    # Read holding register 0 of slave 1: 01 03 00 00 00 01 84 0A, even parity.
-    by_hand = (
-        "01000000011 01100000001 00000000001 00000000001"
-        " 00000000001 01000000011 00010000101 00101000001"
-    )
-    frame = rtu_frame(1, Request.read_holding_registers(0, 1).pdu)
-    assert frame.hex() == "010300000001840a"
-    rows = _line_bits(frame, SerialLine(9600))
-    assert " ".join("".join(map(str, row)) for row in rows) == by_hand
 
 
 @given(data=st.binary(min_size=1, max_size=20), serial=LINES)
