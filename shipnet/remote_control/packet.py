@@ -11,18 +11,23 @@ Sending one packet per value is the same as interpretation A with one item per p
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from decimal import Decimal, localcontext
 from functools import cache
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from shipnet.arrays import Bools, Bytes
 from shipnet.crc import MODBUS
-from shipnet.errors import FrameError
+from shipnet.errors import CrcError, FormError, FrameError
 from shipnet.fields import check_scalar, check_whole, choice, record, switch, whole
-from shipnet.remote_control.packet_format import Items, NumberCheck, PacketFormat, check_bytes
+from shipnet.remote_control.packet_format import (
+    Items,
+    NumberCheck,
+    PacketFormat,
+    check_bytes,
+    item_bytes,
+)
 
 #: The markers; K. Y. Chung and K. S. Rhyu, "A study on the communication method for a ship main
 #: engine remote control system", 1998, section 3.2.
@@ -53,18 +58,10 @@ _NUMBER_CHECKS = {
 }
 
 
-def _crc(rows: Bytes) -> npt.NDArray[np.unsignedinteger]:
-    # For a single packet, computing the CRC of a `bytes` object is faster.
-    return np.array([MODBUS.of(rows.tobytes())], np.uint16) if len(rows) == 1 else MODBUS.of(rows)
-
-
-def _crc_fits(rows: Bytes) -> Bools:
-    # A reflected CRC without final XOR is 0 over data followed by their own CRC.
-    return np.asarray(_crc(rows) == 0)
-
-
-def _with_crc(rows: Bytes) -> Bytes:
-    return np.hstack([rows, _crc(rows).astype("<u2")[:, np.newaxis].view(np.uint8)])
+def _check_crc(data: bytes, packet: bytes) -> None:
+    """Raise an error unless the last two bytes of the data are the CRC of the bytes before."""
+    if MODBUS.of(data):  # a reflected CRC without final XOR is 0 over data and their CRC
+        raise CrcError(f"packet {packet.hex(' ')} has a CRC that does not match its bytes")
 
 
 # The printed packet ----------------------------------------------------------------------------
@@ -179,26 +176,25 @@ class MarkerFormat(PacketFormat):
             changed += float(np.expm1(np.log1p(-early).sum()))
         return intact * max(changed, 0.0)
 
-    def _encode_rows(self, items: Bytes) -> Bytes:
-        n_packets, n_items, _ = items.shape
-        leads = np.full((n_packets, n_items, len(self.lead)), DATA_START, np.uint8)
-        groups = np.concatenate([leads, items], axis=2)
-        head = np.tile(np.frombuffer(self.head, np.uint8), (n_packets, 1))
-        end = np.full((n_packets, 1), PACKET_END, np.uint8)
-        rows = np.hstack([head, groups.reshape(n_packets, n_items * groups.shape[2]), end])
-        return _with_crc(rows) if self.crc else rows
+    def _packet(self, items: Iterable[tuple[int, int]]) -> bytes:
+        body = b"".join(self.lead + item_bytes(*item) for item in items)
+        packet = self.head + body + bytes([PACKET_END])
+        return packet + MODBUS.of(packet).to_bytes(_CRC, "little") if self.crc else packet
 
-    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
-        head, lead = len(self.head), len(self.lead)
-        end = rows.shape[1] - 1 - _CRC * self.crc
-        groups = rows[:, head:end].reshape(len(rows), n_items, lead + _ITEM)
-        formed = (rows[:, end] == PACKET_END) & (rows[:, :head] == list(self.head)).all(axis=1)
+    def _body(self, packet: bytes) -> bytes:
+        head, lead = self.head, self.lead
+        end, step = len(packet) - 1 - _CRC * self.crc, len(lead) + _ITEM
+        groups = [packet[k : k + step] for k in range(len(head), end, step)]
+        formed = packet.startswith(head) and packet[end] == PACKET_END
         if lead:
-            formed &= (groups[..., :lead] == list(self.lead)).all(axis=(1, 2))
-        else:
-            formed &= (groups[..., 0] != PACKET_END).all(axis=1)
-        checked = np.ones(len(rows), bool) if not self.crc else _crc_fits(rows)
-        return formed, checked, groups[..., lead:]
+            formed = formed and all(group.startswith(lead) for group in groups)
+        else:  # an item whose number is the end marker would end the packet
+            formed = formed and all(group[0] != PACKET_END for group in groups)
+        if not formed:
+            raise FormError(f"packet {packet.hex(' ')} does not have the form of a packet")
+        if self.crc:
+            _check_crc(packet, packet)
+        return b"".join(group[len(lead) :] for group in groups)
 
 
 class MarkerParser:
@@ -233,11 +229,11 @@ class MarkerParser:
             meaning = "start of the packet"
         self._packet.append(byte)
         if len(self._packet) == self._size:
-            if self._format.crc and MODBUS.of(self._packet):
+            try:
+                packets.append(self._format.decode(self._packet))
+            except CrcError:
                 self.discarded += self._size
                 meaning = "discarded"
-            else:
-                packets.append(self._items())
             self._packet.clear()
         return meaning
 
@@ -265,42 +261,26 @@ class MarkerParser:
                 return ""
         return _PARTS[within - len(lead)]
 
-    def _items(self) -> Items:
-        packet, end = self._packet, self._size - 1 - _CRC * self._format.crc
-        starts = range(len(self._head) + len(self._lead), end, len(self._lead) + _ITEM)
-        return tuple((packet[k], packet[k + 1] | packet[k + 2] << 8) for k in starts)
-
 
 # The byte-stuffed packet -----------------------------------------------------------------------
 
 
-def stuff(data: Bytes) -> Bytes:
-    """Encode rows of up to 254 bytes by consistent overhead byte stuffing, leaving no zeros."""
-    # Every 0 becomes the distance to the next 0, and the distance to the first 0 precedes the data.
-    n_rows, size = data.shape
-    check_whole("length of data", size, 0, _SPAN)
-    rows = np.zeros((n_rows, size + 2), np.uint8)
-    rows[:, 1:-1] = data
-    places = np.arange(size + 2)
-    zero = np.where(rows == 0, places, size + 1)
-    following = np.minimum.accumulate(zero[:, :0:-1], axis=1)[:, ::-1]
-    step = (following - places[:-1]).astype(np.uint8)
-    return np.where(rows[:, :-1] == 0, step, rows[:, :-1])
+def stuff(data: bytes) -> bytes:
+    """Encode up to 254 bytes by consistent overhead byte stuffing, leaving no zeros."""
+    # Each run without zeros is preceded by the distance to the next 0, which is left out.
+    check_whole("length of data", len(data), 0, _SPAN)
+    return b"".join(bytes([len(run) + 1]) + run for run in data.split(b"\0"))
 
 
-def unstuff(rows: Bytes) -> tuple[Bools, Bytes]:
-    """Return whether each row is stuffed correctly, and its original bytes (invalid if not)."""
-    n_rows, width = rows.shape
-    plain, row = rows.copy(), np.arange(n_rows)
-    place, end = np.zeros((2, n_rows), np.intp)
-    while row.size:
-        steps = rows[row, place]
-        plain[row, place] = 0
-        place = place + steps
-        end[row] = place
-        going = (steps > 0) & (place < width)
-        row, place = row[going], place[going]
-    return (rows != 0).all(axis=1) & (end == width), plain[:, 1:]
+def unstuff(code: bytes) -> bytes:
+    """Return the data that were stuffed, or raise an error if no data are stuffed like this."""
+    runs, place = [], 0
+    while place < len(code) and code[place]:
+        runs.append(code[place + 1 : place + code[place]])
+        place += code[place]
+    if place != len(code) or 0 in code:
+        raise FormError(f"bytes {code.hex(' ')} are not stuffed")
+    return b"\0".join(runs)
 
 
 @record
@@ -368,16 +348,16 @@ class CobsFormat(PacketFormat):
         single = bits * p * (1 - p) ** (bits - 1)
         return max(hit - single, 0.0) * 2.0**-_CRC_BITS
 
-    def _encode_rows(self, items: Bytes) -> Bytes:
-        data = _with_crc(items.reshape(len(items), -1))
-        rows = np.zeros((len(data), data.shape[1] + 2), np.uint8)
-        rows[:, :-1] = stuff(data)
-        return rows
+    def _packet(self, items: Iterable[tuple[int, int]]) -> bytes:
+        data = b"".join(item_bytes(*item) for item in items)
+        return stuff(data + MODBUS.of(data).to_bytes(_CRC, "little")) + b"\0"
 
-    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
-        formed, data = unstuff(rows[:, :-1])
-        formed &= rows[:, -1] == 0
-        return formed, _crc_fits(data), data[:, :-2].reshape(len(rows), n_items, 3)
+    def _body(self, packet: bytes) -> bytes:
+        if packet[-1] != 0:
+            raise FormError(f"packet {packet.hex(' ')} does not end with 0")
+        data = unstuff(packet[:-1])
+        _check_crc(data, packet)
+        return data[:-_CRC]
 
 
 class CobsParser:

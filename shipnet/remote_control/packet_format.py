@@ -1,18 +1,18 @@
-"""Code shared by the two packet formats: items, batches of packets, and effects of bit errors.
+"""Code shared by the two packet formats: items, streams, and effects of bit errors.
 
 Bits are inverted independently with a probability p; start and stop bits are not modelled.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from shipnet.arrays import Bools, Bytes, Integers, Words
-from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
+from shipnet.arrays import Bytes, Integers
+from shipnet.errors import ArgumentError, FieldError, FrameError, LengthError
 from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.lazy import pd
 
@@ -25,14 +25,6 @@ NumberCheck = Literal["any", "known", "rising"]
 
 #: Packets processed at a time.
 _CHUNK = 1 << 16
-
-#: The fault of a rejected packet; the last text continues with the legal numbers.
-_FAULTS: Mapping[type[FrameError], str] = {
-    LengthError: "has a length that no number of items gives",
-    FormError: "does not have the form of a packet",
-    CrcError: "has a CRC that does not match its bytes",
-    FieldError: "has numbers that are not all",
-}
 
 
 def check_bytes(name: str, data: object) -> bytes:
@@ -71,20 +63,6 @@ class Parser(Protocol):
         """Return the packets that these bytes complete."""
 
 
-class Decoded(NamedTuple):
-    """The result of decoding many packets: error codes (0 for none), and the accepted items."""
-
-    error: Bytes
-    numbers: Bytes
-    values: Words
-
-    @property
-    def accepted(self) -> Bools:
-        """Whether each packet is accepted, shape (n_packets,)."""
-        accepted: Bools = self.error == 0
-        return accepted
-
-
 class PacketFormat:
     """Base class of the two formats, which encode, decode and trace packets differently."""
 
@@ -104,12 +82,8 @@ class PacketFormat:
         if not isinstance(items, Mapping):
             raise ArgumentError(f"items is {items!r}; it must map numbers to values")
         numbers = sorted(check_whole("number", number, 0, self.n_numbers - 1) for number in items)
-        triples = []
-        for number in numbers:
-            value = check_whole(f"value of item {number}", items[number], 0, 0xFFFF)
-            triples.append((number, value & 0xFF, value >> 8))
-        row = np.array(triples, np.uint8).reshape(1, len(numbers), 3)
-        return self._encode_rows(row).tobytes()
+        values = [check_whole(f"value of item {k}", items[k], 0, 0xFFFF) for k in numbers]
+        return self._packet(zip(numbers, values, strict=True))
 
     def decode(self, packet: bytes | bytearray) -> Items:
         """Return the numbers and values in one packet.
@@ -117,12 +91,19 @@ class PacketFormat:
         Raises `LengthError`, `FormError`, `CrcError` or `FieldError` (a number is rejected).
         """
         data = check_bytes("packet", packet)
-        decoded = self.decode_batch(np.frombuffer(data, np.uint8)[np.newaxis])
-        for fault, why in _FAULTS.items():
-            if decoded.error[0] == fault.code:
-                legal = f" 0..{self.n_numbers - 1}" + " and rising" * (self.numbers == "rising")
-                raise fault(f"packet {data.hex(' ')} {why}{legal * (fault is FieldError)}")
-        return tuple(zip(decoded.numbers[0].tolist(), decoded.values[0].tolist(), strict=True))
+        n_items, rest = divmod(len(data) - self.size(0), self.size(1) - self.size(0))
+        if rest or not 0 <= n_items <= self.n_numbers:
+            raise LengthError(f"packet {data.hex(' ')} has a length that no number of items gives")
+        body = self._body(data)
+        items = tuple((body[k], body[k + 1] | body[k + 2] << 8) for k in range(0, len(body), 3))
+        legal = self.numbers == "any" or all(number < self.n_numbers for number, _ in items)
+        if self.numbers == "rising":
+            legal = legal and all(one < following for (one, _), (following, _) in pairwise(items))
+        if not legal:
+            rising = " and rising" if self.numbers == "rising" else ""
+            needed = f"0..{self.n_numbers - 1}{rising}"
+            raise FieldError(f"packet {data.hex(' ')} has numbers that are not all {needed}")
+        return items
 
     def parser(self) -> Parser:
         """Return a new parser."""
@@ -149,55 +130,6 @@ class PacketFormat:
         count = check_whole("n_bytes", n_bytes, 0, 10**6)
         return (packet * (count // len(packet) + 1))[:count]
 
-    def encode_batch(self, numbers: npt.ArrayLike, values: npt.ArrayLike) -> Bytes:
-        """Return many packets as rows of bytes, each as returned by `encode`.
-
-        `values` has the shape (n_packets, n_items); `numbers`, in ascending order in each row, has
-        the same shape or (n_items,).
-        """
-        value = _whole("values", values, 0xFFFF)
-        number = _whole("numbers", numbers, self.n_numbers - 1)
-        if value.ndim != 2 or number.shape not in (value.shape, value.shape[1:]):
-            raise ArgumentError(
-                f"numbers and values have the shapes {number.shape} and {value.shape}; values "
-                "must be (n_packets, n_items), and numbers the same or (n_items,)"
-            )
-        if (np.diff(number, axis=-1) <= 0).any():
-            raise ArgumentError("numbers must be in ascending order in each row")
-        n_packets, n_items = value.shape
-        items = np.empty((n_packets, n_items, 3), np.uint8)
-        items[..., 0], items[..., 1], items[..., 2] = number, value & 0xFF, value >> 8
-        return self._encode_rows(items)
-
-    def decode_batch(self, packets: npt.ArrayLike) -> Decoded:
-        """Decode uint8 rows of equal length, each as `decode` does.
-
-        A rejected row has an error code, and its items are 0.
-        """
-        rows = np.asarray(packets)
-        if rows.dtype != np.uint8 or rows.ndim != 2:
-            raise ArgumentError(
-                f"packets must be a 2-D uint8 array, got {rows.dtype}, {rows.ndim}-D"
-            )
-        step = self.size(1) - self.size(0)
-        n_items, rest = divmod(rows.shape[1] - self.size(0), step)
-        if rest or not 0 <= n_items <= self.n_numbers:
-            error = np.full(len(rows), LengthError.code, np.uint8)
-            none = np.zeros((len(rows), 0), np.uint8)
-            return Decoded(error, none, none.astype(np.uint16))
-        formed, checked, items = self._decode_rows(rows, n_items)
-        numbers = items[..., 0]
-        error = np.zeros(len(rows), np.uint8)
-        if self.numbers != "any":
-            error[(numbers >= self.n_numbers).any(axis=1)] = FieldError.code
-        if self.numbers == "rising":
-            error[(numbers[:, 1:] <= numbers[:, :-1]).any(axis=1)] = FieldError.code
-        error[~checked] = CrcError.code
-        error[~formed] = FormError.code
-        values = items[..., 1] | items[..., 2].astype(np.uint16) << 8
-        good = (error == 0)[:, None]
-        return Decoded(error, numbers * good, values * good)
-
     def error_shares(self, n_items: int, rate: float) -> Outcomes:
         """Return the fractions of intact, detected and undetected packets, in closed form.
 
@@ -222,9 +154,9 @@ class PacketFormat:
         for n items in a packet of L bytes, unless a bit turns a number into 0xEE.
         """
         n = check_whole("n_items", n_items, 0, self.n_numbers)
-        packet = np.frombuffer(self.encode(dict.fromkeys(range(n), 0)), np.uint8)
-        flips = np.packbits(np.eye(8 * packet.size, dtype=np.uint8), axis=1)
-        return float(self.decode_batch(packet ^ flips).accepted.mean())
+        packet = self.encode(dict.fromkeys(range(n), 0))
+        bits = range(8 * len(packet))
+        return sum(self._read(flipped(packet, [bit])) is not None for bit in bits) / len(bits)
 
     def transmit(
         self, n_items: int, rate: float, packets: int, rng: np.random.Generator | int | None = None
@@ -241,23 +173,28 @@ class PacketFormat:
         # Only packets with inverted bits are built and checked, because all others are accepted.
         p = check_scalar("rate", rate, "", 0, 0.5)
         n = check_whole("packets", packets, 0, 10**9)
-        size, numbers = self.size(n_items), np.arange(n_items)
+        bits = 8 * self.size(n_items)
         outcome = np.zeros(n, np.uint8)
         for first in range(0, n, _CHUNK):
-            count = min(_CHUNK, n - first)
-            place = _hits(8 * size * count, p, rng)
-            if place.size == 0:
-                continue
-            hit, row = np.unique(place // (8 * size), return_inverse=True)
+            place = _hits(bits * min(_CHUNK, n - first), p, rng)
+            hit, start = np.unique(place // bits, return_index=True)
             values = rng.integers(0, 1 << 16, (hit.size, n_items), dtype=np.uint16)
-            rows = self.encode_batch(numbers, values)
-            bit = place % (8 * size)
-            masks = (0x80 >> (bit & 7)).astype(np.uint8)
-            np.bitwise_xor.at(rows.reshape(-1), row * size + (bit >> 3), masks)
-            checked = self.decode_batch(rows)
-            same = (checked.numbers == numbers).all(axis=1) & (checked.values == values).all(axis=1)
-            outcome[first + hit] = np.where(checked.accepted, np.where(same, 0, 2), 1)
+            flips = np.split(place % bits, start[1:])
+            for k, row, inverted in zip(hit, values.tolist(), flips, strict=False):
+                items = tuple(enumerate(row))
+                received = self._read(flipped(self._packet(items), inverted.tolist()))
+                if received is None:
+                    outcome[first + k] = 1
+                elif received != items:
+                    outcome[first + k] = 2
         return outcome
+
+    def _read(self, packet: bytes) -> Items | None:
+        """Return the items in a packet, or None if it is rejected."""
+        try:
+            return self.decode(packet)
+        except FrameError:
+            return None
 
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
         """Return the fraction of packets accepted with errors if a fraction `hit` is disturbed."""
@@ -266,22 +203,26 @@ class PacketFormat:
     def _meanings(self, stream: bytes) -> list[str]:
         raise NotImplementedError
 
-    def _encode_rows(self, items: Bytes) -> Bytes:
+    def _packet(self, items: Iterable[tuple[int, int]]) -> bytes:
+        """Return the packet of numbers and values."""
         raise NotImplementedError
 
-    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
-        """Return, by row, whether the form is correct, whether the CRC matches, and the items."""
+    def _body(self, packet: bytes) -> bytes:
+        """Return the bytes of the items, or raise an error if form or CRC is wrong."""
         raise NotImplementedError
 
 
-def _whole(name: str, values: npt.ArrayLike, highest: int) -> Integers:
-    try:
-        array = np.asarray(values)
-    except ValueError:
-        raise ArgumentError(f"{name} must be whole numbers, in rows of equal length") from None
-    if array.size and (array.dtype.kind not in "iu" or array.min() < 0 or array.max() > highest):
-        raise ArgumentError(f"{name} must be whole numbers 0..{highest}")
-    return array.astype(np.int64)
+def item_bytes(number: int, value: int) -> bytes:
+    """Return an item: number, low byte, high byte."""
+    return bytes([number, value & 0xFF, value >> 8])
+
+
+def flipped(packet: bytes, bits: Iterable[int]) -> bytes:
+    """Return a packet with these bits inverted, counted from the highest bit of the first byte."""
+    data = bytearray(packet)
+    for bit in bits:
+        data[bit >> 3] ^= 0x80 >> (bit & 7)
+    return bytes(data)
 
 
 def _hits(n_bits: int, p: float, rng: np.random.Generator) -> Integers:

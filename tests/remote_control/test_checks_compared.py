@@ -24,7 +24,7 @@ from shipnet.remote_control import (
 from shipnet.remote_control.experiment import candidates, check_formats, switch_staleness
 from shipnet.remote_control.faults import LostPacket
 from shipnet.remote_control.packet import code_weights, crc_residual
-from shipnet.remote_control.packet_format import Outcomes
+from shipnet.remote_control.packet_format import Outcomes, flipped
 
 #: Probability with which a correct count may fail a test by chance.
 RARE = 1e-6
@@ -38,11 +38,11 @@ def is_likely(count, sent, share):
 @pytest.mark.parametrize(("n_items", "rate"), [(1, 1e-2), (10, 1e-3), (10, 5e-2), (40, 2e-3)])
 def test_markers_pass_as_many_packets_as_in_the_closed_form(reading, n_items, rate):
     form = MarkerFormat(reading, n_items)
-    trial = form.transmit(n_items, rate, 60_000, np.random.default_rng(2024))
+    trial = form.transmit(n_items, rate, 20_000, np.random.default_rng(2024))
     shares = form.error_shares(n_items, rate)
     assert sum(shares) == pytest.approx(1)
-    assert sum(trial) == 60_000
-    assert all(is_likely(count, 60_000, share) for count, share in zip(trial, shares, strict=True))
+    assert sum(trial) == 20_000
+    assert all(is_likely(count, 20_000, share) for count, share in zip(trial, shares, strict=True))
 
 
 # Claim chung1998-019: 240 of 264 and of 336 bits.
@@ -58,8 +58,8 @@ def test_a_check_of_the_numbers_detects_most_of_their_bits(numbers):
     form = MarkerFormat("A", 10, numbers)
     share = form.undetected_flips(10)
     assert 160 / 264 <= share < 160 / 264 + 0.12
-    trial = form.transmit(10, 1e-3, 60_000, np.random.default_rng(2024))
-    assert trial.undetected / 60_000 < form.error_shares(10, 1e-3).undetected
+    trial = form.transmit(10, 1e-3, 20_000, np.random.default_rng(2024))
+    assert trial.undetected / 20_000 < form.error_shares(10, 1e-3).undetected
 
 
 def test_no_crc_code_word_has_a_weight_below_four_and_those_of_four_are_counted():
@@ -116,27 +116,27 @@ def test_the_residual_of_a_crc_is_below_its_bound_and_two_to_the_minus_sixteen_f
 def test_the_crc_passes_as_many_packets_as_its_weights_predict():
     form = MarkerFormat(crc=True, n_numbers=1)
     # One item, at a rate that often leaves the markers intact.
-    trial = form.transmit(1, 0.03, 2_000_000, np.random.default_rng(2024))
-    expected = form.error_shares(1, 0.03).undetected
-    assert trial.undetected > 3
-    assert is_likely(trial.undetected, 2_000_000, expected)
+    trial = form.transmit(1, 0.06, 200_000, np.random.default_rng(2024))
+    expected = form.error_shares(1, 0.06).undetected
+    assert trial.undetected > 0
+    assert is_likely(trial.undetected, 200_000, expected)
 
 
 def test_the_stuffed_packet_stays_below_its_estimate():
     form = CobsFormat(3)
-    trial = form.transmit(3, 0.02, 500_000, np.random.default_rng(2024))
+    trial = form.transmit(3, 0.02, 100_000, np.random.default_rng(2024))
     shares = form.error_shares(3, 0.02)
-    assert is_likely(trial.intact, 500_000, shares.intact)
-    assert share_interval(trial.undetected, 500_000, confidence=0.999)[0] < shares.undetected
+    assert is_likely(trial.intact, 100_000, shares.intact)
+    assert share_interval(trial.undetected, 100_000, confidence=0.999)[0] < shares.undetected
 
 
 def test_no_single_inverted_bit_passes_the_stuffed_packet():
     form = CobsFormat(84)
     assert not any(form.undetected_flips(n) for n in (0, 1, 2, 10, 84))
-    rng = np.random.default_rng(7)
-    for row in form.encode_batch(range(10), rng.integers(0, 2**16, (40, 10))):
-        flips = np.packbits(np.eye(8 * row.size, dtype=np.uint8), axis=1)
-        assert not form.decode_batch(row ^ flips).accepted.any()
+    for values in np.random.default_rng(7).integers(0, 2**16, (40, 10)).tolist():
+        packet = form.encode(dict(enumerate(values)))
+        bits = range(8 * len(packet))
+        assert not any(form._read(flipped(packet, [bit])) for bit in bits)
     # So the estimate consists only of packets with two or more inverted bits.
     bits = 8 * form.size(10)
     two = 1 - (1 - 1e-6) ** bits - bits * 1e-6 * (1 - 1e-6) ** (bits - 1)
@@ -171,9 +171,11 @@ def simulate_switch(form, n_items, rate, period, interval, sending, packets, rng
     return float((shown != position).mean())
 
 
-@pytest.mark.parametrize("check", ["markers", "markers + CRC"])
 @pytest.mark.parametrize("sending", ["changed", "cyclic"])
-@pytest.mark.parametrize(("n_items", "rate", "interval"), [(1, 5e-3, 0.3), (10, 2e-3, 2.0)])
+@pytest.mark.parametrize(
+    ("check", "n_items", "rate", "interval"),
+    [("markers", 1, 5e-3, 0.3), ("markers + CRC", 10, 2e-3, 2.0)],
+)
 def test_a_switch_is_stale_as_long_as_in_the_closed_form(check, sending, n_items, rate, interval):
     form, n = check_formats(n_items)[check], 200_000
     rng = np.random.default_rng(2024)

@@ -1,14 +1,16 @@
 import itertools
 import re
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
+from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, LengthError
 from shipnet.remote_control import CobsFormat, MarkerFormat, System, changed_items
 from shipnet.remote_control.packet import DATA_START, PACKET_END, PACKET_START, stuff, unstuff
+from shipnet.remote_control.packet_format import flipped
 from shipnet.remote_control.station import Sender
 
 CHECKS = ["any", "known", "rising"]
@@ -28,17 +30,6 @@ WORDS = st.one_of(
 ITEMS = st.dictionaries(st.integers(0, 9), WORDS)
 formats = pytest.mark.parametrize("form", FORMATS, ids=str)
 streams = pytest.mark.parametrize("form", [FORMATS[k] for k in (0, 3, 8, 11, 13)], ids=str)
-
-
-def row(data):
-    return np.frombuffer(data, np.uint8)[None]
-
-
-def flipped(rows, bits):
-    """Return the rows, each with the bits at these places inverted."""
-    spread = np.unpackbits(rows, axis=1)
-    np.put_along_axis(spread, bits, 1 - np.take_along_axis(spread, bits, 1), 1)
-    return np.packbits(spread, axis=1)
 
 
 @pytest.mark.parametrize(
@@ -91,6 +82,10 @@ def test_any_bytes_are_packets_discarded_or_still_open(form, noise):
         assert all(number < 10 for items in packets for number, _ in items)
 
 
+def accepts(form, packet, bits):
+    return form._read(flipped(packet, bits)) is not None
+
+
 ITEM = bytes([1, 2, 3])
 GOOD = MarkerFormat().encode({0: 7})
 
@@ -139,23 +134,14 @@ def test_the_parser_recovers_after_any_noise(form, noise, items):
 
 @formats
 @given(items=ITEMS, data=st.data())
-def test_stream_and_batch_agree_with_decode_on_disturbed_packets(form, items, data):
+def test_the_stream_agrees_with_decode_on_disturbed_packets(form, items, data):
     packet = bytearray(form.encode(items))
     places = st.tuples(st.integers(0, len(packet) - 1), st.integers(0, 255))
     for place, byte in data.draw(st.lists(places, max_size=4)):
         packet[place] = byte
-    checked = form.decode_batch(np.frombuffer(packet, np.uint8)[None])
-    try:
-        decoded, code = form.decode(packet), 0
-    except FrameError as error:
-        decoded, code = None, error.code
     found = form.parser().feed(packet)
     whole = len(found) == 1 and form.size(len(found[0])) == len(packet)
-    assert whole == (decoded is not None)
-    assert checked.error.tolist() == [code]
-    if whole:
-        pairs = zip(checked.numbers[0].tolist(), checked.values[0].tolist(), strict=True)
-        assert found[0] == decoded == tuple(pairs)
+    assert [form._read(packet)] == (found if whole else [None])
 
 
 @pytest.mark.parametrize(
@@ -171,25 +157,23 @@ def test_stream_and_batch_agree_with_decode_on_disturbed_packets(form, items, da
 )
 def test_single_flips_that_pass_are_those_that_hit_no_marker(form, passed, bits):
     # Closed form: every bit of number, low and high byte passes if it is not checked.
-    n = form.n_numbers
-    row = form.encode_batch(range(n), np.random.default_rng(3).integers(0, 0x10000, (1, n)))
-    damaged = flipped(np.repeat(row, 8 * row.shape[1], 0), np.arange(8 * row.shape[1])[:, None])
-    assert len(damaged) == bits
-    assert form.decode_batch(damaged).accepted.sum() == passed
+    values = np.random.default_rng(3).integers(0, 0x10000, form.n_numbers).tolist()
+    packet = form.encode(dict(enumerate(values)))
+    assert 8 * len(packet) == bits
+    assert sum(accepts(form, packet, [bit]) for bit in range(bits)) == passed
 
 
-def test_the_crc_detects_any_two_flips_in_ten_values_and_the_markers_do_not():
-    pairs = np.array(list(itertools.combinations(range(33 * 8), 2)))
-    row = MarkerFormat().encode_batch(range(10), np.full((1, 10), 1000))
-    passed = (
-        MarkerFormat().decode_batch(flipped(np.repeat(row, len(pairs), 0), pairs)).accepted.mean()
-    )
-    # Both bits must be outside the markers; our numbers become 0xEE only by three or more flips.
-    assert passed == pytest.approx(240 * 239 / (264 * 263))
-    for form in (MarkerFormat(crc=True), CobsFormat()):
-        row = form.encode_batch(range(10), np.full((1, 10), 1000))
-        pairs = np.array(list(itertools.combinations(range(row.shape[1] * 8), 2)))
-        assert not form.decode_batch(flipped(np.repeat(row, len(pairs), 0), pairs)).accepted.any()
+def test_the_crc_detects_any_two_flips_in_three_values_and_the_markers_do_not():
+    items = dict.fromkeys(range(3), 1000)
+    for form, bits, passed in (
+        # Both bits must be outside the markers; our numbers become 0xEE only by three or more.
+        (MarkerFormat(n_numbers=3), 96, 72 * 71 // 2),
+        (MarkerFormat(n_numbers=3, crc=True), 112, 0),
+        (CobsFormat(3), 104, 0),
+    ):
+        packet, pairs = form.encode(items), itertools.combinations(range(bits), 2)
+        assert 8 * len(packet) == bits
+        assert sum(accepts(form, packet, pair) for pair in pairs) == passed
 
 
 @pytest.mark.parametrize(
@@ -211,9 +195,9 @@ def test_the_crc_detects_any_two_flips_in_ten_values_and_the_markers_do_not():
     ],
 )
 def test_each_fault_has_its_class(form, packet, error):
-    with pytest.raises(error):
+    with pytest.raises(error) as caught:
         form.decode(bytes.fromhex(packet))
-    assert form.decode_batch(row(bytes.fromhex(packet))).error.tolist() == [error.code]
+    assert caught.type is error
 
 
 @pytest.mark.parametrize(
@@ -229,18 +213,16 @@ def test_each_fault_has_its_class(form, packet, error):
     ],
 )
 def test_stuffed_bytes_are_those_published(plain, stuffed):
-    assert stuff(row(bytes.fromhex(plain))).tobytes() == bytes.fromhex(stuffed)
+    assert stuff(bytes.fromhex(plain)) == bytes.fromhex(stuffed)
 
 
 @given(data=st.binary(min_size=1, max_size=255))
 def test_bytes_are_unstuffed_after_stuffing_and_stuffed_to_the_same_bytes(data):
-    formed, plain = unstuff(row(data))
-    if formed[0]:
-        assert stuff(plain).tobytes() == data
-    stuffed = stuff(row(data[:254]))
-    formed, plain = unstuff(stuffed)
-    assert formed.tolist() == [True] and plain.tobytes() == data[:254]
-    assert 0 not in stuffed and stuffed.shape == (1, len(data[:254]) + 1)
+    with suppress(FormError):
+        assert stuff(unstuff(data)) == data
+    stuffed = stuff(data[:254])
+    assert unstuff(stuffed) == data[:254]
+    assert 0 not in stuffed and len(stuffed) == len(data[:254]) + 1
 
 
 def test_random_bytes_equal_a_marker_as_often_as_in_the_closed_form():
@@ -287,13 +269,7 @@ def test_repeating_recovers_a_lost_packet_and_the_printed_rule_does_not(repeat, 
         (lambda: MarkerFormat().encode({0: -1}), "value of item 0 is -1"),
         (lambda: CobsFormat().encode({0: 0x10000}), "value of item 0 is 65536"),
         (lambda: MarkerFormat().encode([(0, 1)]), "items is"),
-        (lambda: stuff(row(bytes(255))), "length of data is 255"),
-        (lambda: MarkerFormat().encode_batch([0, 1], [[1, 2, 3]]), "shapes"),
-        (lambda: MarkerFormat().encode_batch([1, 0], [[1, 2]]), "ascending order"),
-        (lambda: MarkerFormat().encode_batch([0, 10], [[1, 2]]), r"numbers .* 0\.\.9"),
-        (lambda: MarkerFormat().encode_batch([0, 1], [[1, np.nan]]), "values must be"),
-        (lambda: MarkerFormat().encode_batch([0, 1], [[1, 2], [3]]), "equal length"),
-        (lambda: MarkerFormat().decode_batch([[1, 2]]), "uint8"),
+        (lambda: stuff(bytes(255)), "length of data is 255"),
         (lambda: changed_items([1, 2], [1]), "sending has 2 values, sended 1; they must be"),
         (lambda: System(repeat=11), "repeat is 11"),
         (lambda: MarkerFormat().parser().feed(204), "data is 204; it must be bytes"),
@@ -309,14 +285,6 @@ def test_arguments_out_of_range_are_named(make, message):
     with pytest.raises(ArgumentError) as error:
         make()
     assert re.search(message, str(error.value))
-
-
-@formats
-def test_empty_batches_and_packets_without_items_are_accepted(form):
-    assert form.decode_batch(np.zeros((0, form.size(10)), np.uint8)).values.shape == (0, 10)
-    rows = form.encode_batch([], np.zeros((3, 0), int))
-    assert [row.tobytes() for row in rows] == [form.encode({})] * 3
-    assert form.decode_batch(rows).error.tolist() == [0, 0, 0]
 
 
 @streams
