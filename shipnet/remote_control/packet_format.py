@@ -173,6 +173,7 @@ class PacketFormat:
         # Only packets with inverted bits are built and checked, because all others are accepted.
         p = check_scalar("rate", rate, "", 0, 0.5)
         n = check_whole("packets", packets, 0, 10**9)
+        n_items = check_whole("n_items", n_items, 0, self.n_numbers)
         bits = 8 * self.size(n_items)
         outcome = np.zeros(n, np.uint8)
         for first in range(0, n, _CHUNK):

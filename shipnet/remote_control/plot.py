@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,10 +15,6 @@ from matplotlib.patches import Patch, Rectangle, Wedge
 from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
-
-if TYPE_CHECKING:
-    from shipnet.remote_control.ring_buffer import Ring
-    from shipnet.remote_control.simulation import Run
 
 #: The flags and places that define each case, and its colour: pale if normal, strong if abnormal.
 _CASES = {
@@ -38,8 +34,8 @@ _LIMIT: dict[str, Any] = style.LIMIT
 _RED = style.LIMIT["color"]
 
 
-def plot_ring(ring: Ring, ax: Axes | None) -> Axes:
-    """Draw a ring as a circle of cells, clockwise from the top, with its writer and its reader."""
+def plot_ring(ring: Any, ax: Axes | None) -> Axes:
+    """Draw a `Ring` as a circle of cells, clockwise from the top, with its writer and reader."""
     ax = style.axes(ax)
     size, state, overrun = ring.size, ring.state, ring.unread > ring.size
     held = range(ring.written - min(ring.unread, size), ring.written)
@@ -142,8 +138,8 @@ def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
     return ax
 
 
-def plot_time_chart(run: Run, ax: Axes | None, start: float, stop: float) -> Axes:
-    """Draw the packets of each station over time, as in Fig. 2 of chung1998."""
+def plot_time_chart(run: Any, ax: Axes | None, start: float, stop: float) -> Axes:
+    """Draw the packets of each station in a `Run` over time, as in Fig. 2 of chung1998."""
     shown = [packet for packet in run.packets if packet.end >= start and packet.start <= stop]
     if not 1 <= len(shown) <= _MOST_PACKETS:
         raise ArgumentError(

@@ -348,9 +348,8 @@ class RingCases:
 
     def _shown(self) -> npt.NDArray[np.str_]:
         """Return the case by the writer's lead and the reader's place."""
-        lead, place = np.ogrid[: _LAPS * self.size, : self.size]
-        no, same = (lead + place) % self.size, (lead + place) // self.size % 2 == 0
-        return np.where(same, np.where(no >= place, "b", "a"), np.where(no >= place, "c", "d"))
+        leads, places = range(_LAPS * self.size), range(self.size)
+        return np.array([[case_of(place, lead, self.size) for place in places] for lead in leads])
 
     def table(self) -> pd.DataFrame:
         """Return how many pairs of writer's lead and reader's place show each case, by lap.
