@@ -26,7 +26,7 @@ def one_by_one(form, rate, number, rng):
 
 
 def main():
-    print(f"{'packets of 10 items':<34}{'per minute':>12}{'batch is faster by':>20}")
+    print(f"{'packets of 10 items':<34}{'per minute':>12}{'faster by':>20}")
     for name, form in (
         ("markers", MarkerFormat()),
         ("markers + CRC", MarkerFormat(crc=True)),
