@@ -308,8 +308,7 @@ def of_remote_control():
         packet, of = form.encode({1: 2}), f"{name}Format"
         good |= {
             f"{of}.decode.packet": packet, f"{of}.trace.stream": packet, f"{of}.stream.items": 1,
-            f"{of}.decode_batch.packets": [list(packet)], f"{of}.outcomes.rng": generator,
-            f"{of}.numbers": form.numbers,
+            f"{of}.outcomes.rng": generator, f"{of}.numbers": form.numbers,
         }  # fmt: skip
     run = rc.simulate(system, [rc.Change(0.05, "BCS", 1, 2)], until=0.2)
     compared = rc.compare_checks([1], [1e-3], packets=10, rng=1)

@@ -162,7 +162,7 @@ def test_the_remote_control_reacts_to_no_fault_before_it_begins(name, who, start
         seen.append(
             [
                 events.loc[events["time_s"] < start].values.tolist(),
-                states[states["time_s"] < start].drop(columns="comm_f").values.tolist(),
+                states[states["time_s"] < start].values.tolist(),
                 packets.loc[packets["start_s"] < start, ["start_s", "source"]].values.tolist(),
                 [update for update in run.updates if update.time < start],
             ]
