@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.can.dbc import one_line
 from shipnet.can.log import Log, impossible
-from shipnet.can.messages import one_line
 from shipnet.errors import InputError, load_extra
 
 _ROWS = 1 << 16  #: Number of rows kept as Python objects; more rows are packed into an array.

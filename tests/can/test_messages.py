@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet.can import Message, MessageSet, bus_load, example, read_messages, response_times
-from shipnet.can.messages import COLUMNS, parse_dbc
+from shipnet.can.dbc import parse_dbc
+from shipnet.can.messages import COLUMNS
 from shipnet.errors import ArgumentError, InputError
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "can"
