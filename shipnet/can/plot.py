@@ -37,10 +37,7 @@ _NARROW = 3
 
 
 def plot_fields(
-    bits: str,
-    stuffed: set[int],
-    fields: Sequence[tuple[str, int, int]],
-    ax: Axes | None,
+    bits: str, stuffed: set[int], fields: Sequence[tuple[str, int, int]], ax: Axes | None
 ) -> Axes:
     """Draw bits as rows of cells, with the line level above; a field is (name, start, length)."""
     width, ax = _BITS_PER_ROW, style.axes(ax)

@@ -207,10 +207,7 @@ class Bus(NamedTuple):
 
 
 def on_bus(
-    messages: MessageSet,
-    bit_rate: float,
-    assumptions: Assumptions | None,
-    errors: ErrorBound,
+    messages: MessageSet, bit_rate: float, assumptions: Assumptions | None, errors: ErrorBound
 ) -> Bus:
     """Return a message set at a given bit rate, with its times converted to ticks."""
     exact = check_bit_rate(bit_rate)

@@ -168,10 +168,7 @@ def loads(log, rate=250e3):
 
 @pytest.mark.parametrize(
     ("name", "kinds"),
-    [
-        ("snippet", {"unclear": 6, "periodic": 2, "burst": 1}),
-        ("boat", {"burst": 5, "periodic": 4}),
-    ],
+    [("snippet", {"unclear": 6, "periodic": 2, "burst": 1}), ("boat", {"burst": 5, "periodic": 4})],
 )
 def test_the_load_of_a_recorded_bus_is_that_of_its_log(name, kinds):
     log = can.read_capture(datasets.path(f"sigrok_nmea2000_{name}.sr"), 250e3).log

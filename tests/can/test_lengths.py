@@ -21,10 +21,7 @@ POLYNOMIAL = 0x4599
 @pytest.mark.parametrize("row", rows("frame_lengths.csv"))
 def test_lengths_are_those_of_the_reference(row):
     s, extended = int(row["bytes"]), row["format"] == "ext"
-    for stuffing, column in (
-        ("none", "nominal_incl_ifs3"),
-        ("worst", "worst_davis_incl_ifs3"),
-    ):
+    for stuffing, column in (("none", "nominal_incl_ifs3"), ("worst", "worst_davis_incl_ifs3")):
         assert frame_length(s, stuffing=stuffing, extended=extended) == int(row[column])
 
 

@@ -96,8 +96,7 @@ def test_the_table_has_a_row_per_node():
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [("terminator", 0), ("terminator", float("nan")), ("terminator", -5)],
+    ("name", "value"), [("terminator", 0), ("terminator", float("nan")), ("terminator", -5)]
 )
 def test_loads_out_of_range_are_refused_at_once(name, value):
     with pytest.raises(ArgumentError, match=name):
