@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -210,21 +210,20 @@ class _Line:
             self._read(order[begin : begin + CHUNK]) for begin in range(0, len(order) or 1, CHUNK)
         ]
         back = np.argsort(order)
-        again = np.concatenate([second for _, second in parts])[back]
-        columns = zip(*(part for part, _ in parts), strict=True)
-        rows = _Rows(*(np.concatenate(column)[back] for column in columns))
+        *columns, again = (np.concatenate(column)[back] for column in zip(*parts, strict=True))
+        rows = _Rows(*columns)
         if self.cut and rows.error[0]:
             rows.error[0] = LengthError.code
         return rows, again
 
-    def _read(self, chosen: Indices) -> tuple[_Rows, Bools]:
-        """Decode the chosen frames, which are sorted by their number of edges."""
+    def _read(self, chosen: Indices) -> tuple[npt.NDArray[Any], ...]:
+        """Return the columns of the chosen frames, which are sorted by their number of edges."""
         bits, misfit, doubt = self.receive(chosen, 1.0)
         rows = self.rows(chosen, bits[:, misfit.argmin(axis=0), np.arange(len(chosen))])
         again = np.zeros(len(chosen), dtype=bool)
         left = np.flatnonzero((rows.error > 0) & doubt)
         if not len(left) or self.bit >= _CLEAR:
-            return rows, again
+            return *rows, again
         # An edge half a bit off is ambiguous: try slightly fast and slow clocks, best fit first.
         tried = [self.receive(chosen[left], clock) for clock in _CLOCKS]
         ways = np.concatenate([bits for bits, _, _ in tried], axis=1)
@@ -237,7 +236,7 @@ class _Line:
             for name in _Rows._fields:
                 getattr(rows, name)[left[todo[right]]] = getattr(retried, name)[right]
             again[left[todo[right]]] = True
-        return rows, again
+        return *rows, again
 
 
 def _found_rate(file: str, edges: Edges) -> float:

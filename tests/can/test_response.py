@@ -229,7 +229,8 @@ def test_each_message_alone_has_the_same_busy_period_and_instances(drawn, burst,
     ],
 )
 def test_large_sets_at_odd_bit_rates_are_compiled(messages, interval):
-    fast = Mock(return_value=([], [], [], []))
+    number = len(messages)
+    fast = Mock(return_value=([0] * number, [0] * number, [0] * number, range(1, number + 1)))
     with patch.dict(all_instances.__dict__, fast=fast):
         response_times(MessageSet(messages), 999_983, faults=errors(1, interval))
     columns, numbers = fast.call_args.args[:3], fast.call_args.args[3:]
