@@ -235,13 +235,23 @@ def test_a_burst_may_be_queued_at_once_but_loads_the_bus_at_its_mean_rate():
     found = can.analyse(log, [125e3, 250e3])
     burst = found.messages["0x010"]
     assert irregular(found.messages) == ["0x010"]
-    assert (burst.period, burst.jitter) == pytest.approx((1 / 7, 6 / 7), rel=0.05)
-    # In 4 ms, the time of seven frames, five frames of the burst are queued and one may be sent.
     seen = found.messages.observed.loc["0x010"]
     assert seen[["kind", "burst"]].tolist() == ["burst", 7]
     assert seen[["period_ms", "shortest_ms"]].tolist() == pytest.approx([1000, 1])
+    # Its mean rate, and a jitter that allows seven frames within the 6 ms that they take.
+    span, step = np.ptp(log.time), 1e-6
+    assert burst.period == pytest.approx(span / 210, abs=1e-9)
+    assert burst.jitter == pytest.approx(6 * (burst.period - 1e-3) - step, abs=1e-8)
+    # The last of them is queued 6 ms after the first. Until then, the lower message waits for six.
     below = found.responses[250e3]["0x020"]
-    assert below.response == pytest.approx(7 * 0.54e-3)
+    assert below.response == pytest.approx((6 + 1) * 135 / 250e3)
+    alike = can.MessageSet(
+        [
+            *(can.Message(f"b{k}", k, 8, 1.0, offset=k * 1e-3, bits=135) for k in range(7)),
+            can.Message("below", 0x20, 8, 0.01, bits=135),
+        ]
+    )
+    assert can.simulate(alike, 250e3, until=1.0).table().max_ms["below"] <= 1e3 * below.response
     assert (burst.deadline, found.ok) == (burst.period, True)
     load, measured = loads(log)
     assert measured < load < 1.23 * measured
@@ -315,28 +325,50 @@ def test_the_order_of_frames_and_the_epoch_do_not_matter():
     assert irregular(other.messages()) == irregular(log.messages())
 
 
+@given(
+    seed=st.integers(0, 2**32),
+    periods=st.lists(st.integers(1000, 100_000), max_size=4),
+    events=st.lists(st.integers(20, 100), max_size=2),
+    lost=st.floats(0, 0.1),
+)
+def test_the_load_of_a_log_is_that_of_the_frames_sent(seed, periods, events, lost):
+    # Stamps are whole microseconds. Periodic messages are sent throughout the log; some of their
+    # frames are lost. The frames of events count as they are, at any times. The first message has
+    # a frame at each end of the log, one period apart.
+    rng, span = np.random.default_rng(seed), 5_000_000
+    parts, sent, ends = [log_of([0.0, span / 1e6])], can.frame_length(8), 0.0
+    for key, period in enumerate(periods, 0x20):
+        times = np.arange(rng.integers(period), span, period)
+        left = np.delete(times, rng.choice(len(times), int(lost * len(times)), replace=False))
+        parts.append(log_of(left / 1e6, key, dlc=key % 9))
+        sent, ends = sent + len(times) * can.frame_length(key % 9), ends + can.frame_length(key % 9)
+    for key, number in enumerate(events, 0x30):
+        parts.append(log_of(np.sort(rng.integers(0, span, number)) / 1e6, key, dlc=key % 9))
+        sent += number * can.frame_length(key % 9)
+    messages = joined(*parts).messages()
+    assert irregular(messages) == ["0x010", *(f"0x{0x30 + k:03X}" for k in range(len(events)))]
+    # At its ends, the log may hold part of a period of each periodic message.
+    assert can.bus_load(messages, 1e6) * span == pytest.approx(sent, abs=ends + 1e-6 * sent)
+
+
 @given(st.data())
-def test_the_load_of_any_log_agrees_with_its_messages_or_is_refused(data):
-    number = data.draw(st.integers(1, 6))
+def test_the_messages_of_any_log_have_its_frames_or_it_is_refused(data):
     step = data.draw(st.sampled_from([1e-6, 1e-3, 1.0]))
-    parts = []
-    for key in range(number):
-        stamps = data.draw(st.lists(st.integers(0, 20_000), min_size=1, max_size=30))
-        parts.append(log_of(np.array(stamps) * step, key, dlc=data.draw(st.integers(0, 8))))
-    log = joined(*parts)
+    stamps = st.lists(st.integers(0, 20_000), min_size=1, max_size=30)
+    number = data.draw(st.integers(1, 6))
+    log = joined(*(log_of(np.array(data.draw(stamps)) * step, key) for key in range(number)))
     try:
         messages = log.messages()
     except ArgumentError as refused:
         assert "a message set requires" in str(refused)
         return
-    model, bits = can.bus_load(messages, 1e6), log.load(1e6).table()["bits"].sum()
-    span = float(np.ptp(log.time))
-    # A period found from n frames may change the load by one frame per message and log; lost
-    # frames, up to a quarter, are counted.
-    slack = sum(can.frame_length(int(part.dlc[0])) for part in parts) / span / 1e6
-    measured = bits / span / 1e6
-    assert 0.75 * measured - slack <= model + 1e-9
-    assert model <= 4 / 3 * (1.23 * measured + slack) + 1e-9
+    for message, seen in zip(messages, messages.observed.itertuples(), strict=True):
+        frames = np.ptp(log.time) / message.period
+        if not math.isclose(seen.period_ms, 1e3 * message.period, rel_tol=1e-3):
+            assert frames == pytest.approx(seen.frames, rel=1e-3)
+        else:
+            # A quarter of the frames may be lost, and a quarter of the times between them short.
+            assert 0.75 * (seen.frames - 1) <= frames <= 4 / 3 * (seen.frames + 1)
 
 
 def recorded(rng, number, period, *, drift=0.0, jitter=0.0, step=1e-6, lost=0.0, burst=1):
