@@ -81,69 +81,6 @@ def test_messages_are_read_from_lists_dbc_files_and_logs(tmp_path):
         can.analyse(tmp_path / "none.csv")
 
 
-def test_a_log_of_a_simulated_bus_shows_its_messages():
-    messages = can.example()
-    log = can.simulate(messages, 125e3, until=5.0).log()
-    found = log.messages()
-    assert [m.arbitration_id for m in found] == [m.arbitration_id for m in messages]
-    assert [m.dlc for m in found] == [m.dlc for m in messages]
-    assert found.periods == pytest.approx(messages.periods, rel=2e-3)
-    assert irregular(found) == [] and {m.jitter for m in found} == {0.0}
-    assert 0 < found.observed["jitter_ms"].max() < 5
-
-
-# Any file --------------------------------------------------------------------------------------
-
-#: A supplier's list: a heading, columns that are not used, and a blank row.
-LIST = [
-    ["Engine control, message list, rev. 3"],
-    [],
-    [
-        "No.",
-        "Message",
-        "CAN-ID (hex)",
-        "DLC",
-        "Cycle [ms]",
-        "Max. latency [ms]",
-        "Sender",
-        "Receiver",
-        "Signals",
-        "Remarks",
-    ],
-    [1, "Speed", "100", 8, 100, 50, "JB1", "MCU", "Rpm", ""],
-    [],
-    [2, "Valve", "18FF0100h", 3, 50, "", "JB2", "MCU", "Position", "new"],
-]
-
-
-@pytest.mark.parametrize("form", ["xlsx", "semicolons", "tabs"])
-def test_a_list_in_the_form_of_a_supplier_is_read_in_one_call(tmp_path, form):
-    table = pd.DataFrame([row + [""] * (10 - len(row)) for row in LIST])
-    file = tmp_path / ("list.xlsx" if form == "xlsx" else "list.csv")
-    if form == "xlsx":
-        table.to_excel(file, header=False, index=False)
-    else:
-        table.to_csv(file, header=False, index=False, sep={"tabs": "\t"}.get(form, ";"))
-    assert list(can.read_messages(file)) == [
-        can.Message("Speed", 0x100, 8, 0.1, 0.05, sender="JB1"),
-        can.Message("Valve", 0x18FF0100, 3, 0.05, extended=True, sender="JB2"),
-    ]
-    assert can.analyse(file, [125e3]).ok
-
-
-def test_messages_of_a_dbc_file_equal_those_of_cantools(tmp_path):
-    cantools = pytest.importorskip("cantools")
-    (tmp_path / "ship.dbc").write_text(DBC)
-    found = can.read_messages(tmp_path / "ship.dbc", period=0.05)
-    theirs = {one.name: one for one in cantools.database.load_file(tmp_path / "ship.dbc").messages}
-    assert set(found.names) == set(theirs)
-    for message in found:
-        one = theirs[message.name]
-        assert (message.arbitration_id, message.extended) == (one.frame_id, one.is_extended_frame)
-        assert (message.dlc, message.sender) == (one.length, one.senders[0])
-        assert message.period == (one.cycle_time or 50) / 1e3
-
-
 # The messages of a log -------------------------------------------------------------------------
 
 
