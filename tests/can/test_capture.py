@@ -433,10 +433,3 @@ def test_bad_arguments_are_refused(save, tmp_path, monkeypatch):
     assert "it has more than 112 frames" in refused(SNIPPET)
     monkeypatch.setattr("shipnet.line.scope_file.MOST_EDGES", 100)
     assert "more than 100 changes of level" in refused(SNIPPET)
-
-
-def test_the_log_of_a_capture_is_compared_and_measured(boat):
-    assert boat.log.load(250e3).total()["load"].item() == pytest.approx(0.0318, abs=2e-4)
-    assert len(boat.log.messages()) == 9
-    # A second capture of the same bus is compared with the first.
-    assert set(can.compare(boat.log.messages(), read_capture(SNIPPET).log).table()["frames"]) != {0}

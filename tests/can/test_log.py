@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.can import (
-    Frame,
     Log,
     Message,
     MessageSet,
@@ -49,6 +48,8 @@ def assert_same(a, b):
 
 def test_a_candump_log_comes_back_as_it_was_written(tmp_path):
     log = random_log(2000, np.random.default_rng(1))
+    # A length code above 8 stands for 8 bytes.
+    log = replace(log, dlc=np.where((log.dlc == 8) & ~log.remote, 11, log.dlc).astype(np.uint8))
     log.save(tmp_path / "bus.log")
     back = read_log(tmp_path / "bus.log")
     assert_same(back, log)
@@ -301,45 +302,6 @@ def test_the_load_equals_that_of_a_loop_over_windows():
         assert (parts["peak_load"] <= total["peak_load"] + 1e-12).all()
 
 
-MESSAGES = MessageSet(
-    [Message("a", 0x10, 8, 4e-3), Message("b", 0x20, 8, 5e-3), Message("c", 0x30, 8, 20e-3)]
-)
-
-
-def test_the_load_of_a_simulated_bus_is_found_in_its_log(tmp_path):
-    run = simulate(MESSAGES, 125e3, until=20.0)
-    log = replace(run.log(), data=np.full((len(run.log()), 8), 0x55, dtype=np.uint8))
-    log.save(tmp_path / "bus.log")
-    load = read_log(tmp_path / "bus.log").load(125e3)
-    bits = exact(log, slice(None)).mean()
-    assert load.total()["load"]["can0"] == pytest.approx(bits * (250 + 200 + 50) / 125e3, rel=2e-3)
-    assert load.table()["frames"].tolist() == run.table()["sent"].tolist()
-    assert "load" in repr(load)
-
-
-def test_the_log_of_a_run_has_frames_as_long_as_their_messages():
-    longest = [replace(m, bits=Frame(m.arbitration_id, bytes(m.dlc)).length) for m in example()]
-    run = simulate(MessageSet(longest), 125e3, until=2.0)
-    log = run.log()
-    bits = log.load(125e3).table()["bits"].sum()
-    assert bits == pytest.approx(run.load * 2.0 * 125e3, rel=1e-9)
-    assert compare(run.system, log).ok
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"bit_rate": 0}, "bit_rate is 0 bit/s; it must be"),
-        ({"window": 0}, "window is 0 s; it must be"),
-        ({"window": np.nan}, "window is nan"),
-    ],
-)
-def test_arguments_of_a_load_are_checked(change, message):
-    log = random_log(5, np.random.default_rng(6))
-    with pytest.raises(ArgumentError, match=message):
-        log.load(**{"bit_rate": 125e3, **change})
-
-
 def test_an_impossible_frame_is_refused_in_a_log():
     log = random_log(5, np.random.default_rng(6), channels=("can0",))
     short = np.zeros(5, dtype=bool)
@@ -421,13 +383,6 @@ def test_a_log_without_times_has_no_load_and_no_intervals(tmp_path):
     assert compare(example().replace("shutdown", dlc=2), log).table()["verdict"].iloc[0] == (
         "other length"
     )
-
-
-def test_a_data_length_code_above_eight_survives(tmp_path):
-    log = read_log(candump(tmp_path, "(1.0) can0 123#0102030405060708_B\n"))
-    assert log.dlc.tolist() == [11]
-    log.save(tmp_path / "again.log")
-    assert_same(read_log(tmp_path / "again.log"), log)
 
 
 @pytest.mark.parametrize("name", ["bus.txt", "bus.csv", "bus.raw"])
@@ -666,43 +621,3 @@ def test_formats_that_are_not_read_are_named(tmp_path):
 
 
 # The log of a run.
-
-TWO = MessageSet(
-    [
-        Message("alarm", 5, 4, 5e-3, bits=100),
-        Message("level", 0x18FEF100, 4, 3e-3, extended=True, bits=100),
-    ]
-)
-
-
-def played():
-    run = simulate(TWO, 125e3, until=0.03)
-    return run, run.log()
-
-
-def test_a_run_becomes_a_log_in_the_order_on_the_bus():
-    run, log = played()
-    assert np.all(np.diff(log.time) > 0)
-    assert len(log.time) == run.table()["sent"].sum() == 16
-    assert log.time.tolist() == sorted((run.events()["end_ms"] / 1e3).tolist())
-    assert (log.extended == (log.arbitration_id == 0x18FEF100)).all()
-    assert not log.data.any() and set(log.dlc) == {4}
-
-
-def test_python_can_plays_a_log_on_a_virtual_bus(tmp_path):
-    can = pytest.importorskip("can")
-    _, log = played()
-    log.save(tmp_path / "bus.log")
-    with (
-        can.Bus("shipnet-test", interface="virtual", preserve_timestamps=True) as ours,
-        can.Bus("shipnet-test", interface="virtual", preserve_timestamps=True) as theirs,
-        can.LogReader(tmp_path / "bus.log") as reader,
-    ):
-        for message in reader:
-            ours.send(message)
-        seen = [theirs.recv(timeout=1) for _ in range(16)]
-        assert theirs.recv(timeout=0) is None
-    assert [m.timestamp for m in seen] == pytest.approx(log.time.tolist(), abs=1e-6)
-    assert [m.arbitration_id for m in seen] == log.arbitration_id.tolist()
-    assert [m.is_extended_id for m in seen] == log.extended.tolist()
-    assert [bytes(m.data) for m in seen] == [bytes(row[:4]) for row in log.data]
