@@ -263,19 +263,12 @@ def _found_rate(file: str, edges: Edges) -> float:
     if not right([*(rate for rate in _RATES if abs(guess / rate - 1) < 0.05), guess]):
         right(_RATES)
     if not tried:
-        raise _too_few(file, guess, edges.dt)
+        return guess
     best = max(tried, key=lambda rate: tried[rate][0])
     if best == guess and tried[best][0]:
         right([tried[best][1]])
         best = max(tried, key=lambda rate: tried[rate][0])
     return best
-
-
-def _too_few(file: str, rate: float, dt: float) -> InputError:
-    return InputError(
-        file,
-        f"it has {1 / (rate * dt):.2g} samples per bit at {rate / 1e3:.4g} kbit/s; 2 are needed",
-    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -318,11 +311,10 @@ class Capture:
         frame), and ``none``, ``mean`` and ``worst`` (`frame_length` with this stuffing).
         """
         right = self._table[self._table["error"] == "ok"]
-        size = np.where(self.log.remote, 0, np.minimum(self.log.dlc, 8))
         measured = float(right["bits"].sum())
         bits = {"measured": measured, "with intermission": measured + 3.0 * len(right)}
         for stuffing in ("none", "mean", "worst"):
-            lengths = frame_length(size, stuffing=stuffing, extended=self.log.extended)
+            lengths = frame_length(self.log.sizes, stuffing=stuffing, extended=self.log.extended)
             bits[stuffing] = float(lengths.sum())
         table = pd.DataFrame({"bits": bits}).rename_axis("length")
         table["load"] = table["bits"] / (self.bit_rate * self.duration)
@@ -420,7 +412,11 @@ def read_capture(
     edges = read_edges(file, channel=channel, sample_interval=sample_interval)
     rate = bit_rate or _found_rate(str(file), edges)
     if 1 / (rate * edges.dt) < _FEWEST:
-        raise _too_few(str(file), rate, edges.dt)
+        raise InputError(
+            str(file),
+            f"it has {1 / (rate * edges.dt):.2g} samples per bit at {rate / 1e3:.4g} kbit/s; "
+            "2 are needed",
+        )
     line = _Line(edges, 1 / (rate * edges.dt))
     if len(line.first) > _FRAMES:
         raise InputError(str(file), f"it has more than {_FRAMES} frames; save a part of the record")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
-from shipnet.clock import Fault, nanoseconds
+from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_fields, number, record, whole
 
@@ -64,8 +64,8 @@ class ErrorBound:
 
     Examples
     --------
-    >>> ErrorBound(interval=0.1, burst=2).count(0.25)
-    4
+    >>> ErrorBound(interval=0.1, burst=2)
+    ErrorBound(interval=0.1, burst=2, bits=31)
     """
 
     interval: float = number(
@@ -88,12 +88,6 @@ class ErrorBound:
                 f"interval is {self.interval:g} s and burst is {self.burst}; interval must be "
                 "1e-6..1e5 s with a burst of 1 or more, or inf"
             )
-
-    def count(self, time: float) -> int:
-        """Return the largest number of errors in an interval of positive length `time` [s]."""
-        if self.interval == math.inf:
-            return self.burst
-        return self.burst - 1 - -nanoseconds(time) // nanoseconds(self.interval)
 
 
 Simulated: TypeAlias = BitErrors | ErrorAt

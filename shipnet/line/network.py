@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from operator import add
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -112,7 +113,15 @@ class Load(Valued):
         """Return the load that is equivalent to both loads in parallel."""
         if not isinstance(other, Load):
             return NotImplemented
-        return Load(_parallel(self.r, other.r), _parallel(self.l, other.l), _sum(self.c, other.c))
+
+        def parallel(one: Quantity, second: Quantity) -> Quantity:
+            return 1 / (1 / one + 1 / second)
+
+        return Load(
+            _joined(self.r, other.r, parallel),
+            _joined(self.l, other.l, parallel),
+            _joined(self.c, other.c, add),
+        )
 
     @property
     def shunt(self) -> tuple[Quantity, Quantity, Quantity]:
@@ -124,16 +133,12 @@ class Load(Valued):
         )
 
 
-def _parallel(one: Quantity | None, other: Quantity | None) -> Quantity | None:
+def _joined(
+    one: Quantity | None, other: Quantity | None, join: Callable[[Quantity, Quantity], Quantity]
+) -> Quantity | None:
     if one is None or other is None:
         return other if one is None else one
-    return 1 / (1 / one + 1 / other)
-
-
-def _sum(one: Quantity | None, other: Quantity | None) -> Quantity | None:
-    if one is None or other is None:
-        return other if one is None else one
-    return one + other
+    return join(one, other)
 
 
 class Layout(NamedTuple):

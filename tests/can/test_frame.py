@@ -105,15 +105,6 @@ def test_a_frame_prints_as_candump_prints_it(frame, text):
     assert str(frame) == text
 
 
-def test_a_frame_takes_its_bits_and_the_intermission_at_1_kbit_to_1_mbit():
-    frame = Frame(0x123, b"ship")
-    for rate in (1e3, 1e6):
-        assert frame.frame_time(rate) == frame.length / rate
-    for rate in (999.9, 1000001):
-        with pytest.raises(ArgumentError, match=r"^bit_rate is .* bit/s; .* 1000\.\.1e\+06 bit/s$"):
-            frame.frame_time(rate)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
