@@ -182,16 +182,9 @@ class Run:
             return table["message"].astype(object).map(lane)
 
         def bars(table: pd.DataFrame, end: str, colour: str, label: str) -> None:
-            ax.barh(
-                rows(table),
-                table[end] - table["start_ms"],
-                left=table["start_ms"],
-                height=0.6,
-                color=colour,
-                edgecolor="white",
-                linewidth=0.5,
-                label=label,
-            )
+            y, begin = rows(table), table["start_ms"]
+            width = table[end] - begin
+            ax.barh(y, width, 0.6, begin, color=colour, ec="white", lw=0.5, label=label)
 
         shown = frames[(frames["release_ms"] < high) & (frames["end_ms"].fillna(high) > low)]
         failed = errors[(errors["start_ms"] < high) & (errors["free_ms"] > low)]
@@ -307,37 +300,18 @@ def simulate(
         random = [one for one in several if isinstance(one, BitErrors) and one.rate >= 1e-18]
         rate = np.array([fault.rate for fault in random])
         span = np.array([fault.span for fault in random], dtype=np.int64).reshape(-1, 2)
+        disturbances = np.array([*instants, NEVER]), rate, span, generator
         start, failures, *counters = send_disturbed.run(
             2 * steps,
-            release,
-            first,
-            columns.length,
-            horizon,
-            columns.owner,
-            columns.bit,
-            PASSIVE,
-            BUS_OFF,
-            np.array([*instants, NEVER]),
-            rate,
-            span,
-            generator,
+            *(release, first, columns.length, horizon, columns.owner, columns.bit),
+            *(PASSIVE, BUS_OFF, *disturbances),
         )
     else:
         start = send.run(steps, release, first, columns.length, horizon)
         counters = list(np.zeros((2, len(columns.senders)), dtype=np.int64))
-    return Run(
-        messages,
-        float(bit_rate),
-        float(until),
-        several,
-        columns,
-        arrival,
-        release,
-        start,
-        first,
-        np.array(failures, dtype=np.int64).reshape(-1, 6),
-        (counters[0], counters[1]),
-    )
+    rows = np.array(failures, dtype=np.int64).reshape(-1, 6)
+    system = messages, float(bit_rate), float(until), several, columns
+    return Run(*system, arrival, release, start, first, rows, (counters[0], counters[1]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
