@@ -155,22 +155,6 @@ def test_the_detected_rate_gives_the_same_frames_as_the_stated_rate():
         assert found.table().equals(given.table())
 
 
-def test_the_labels_of_the_board_are_not_bus_loads():
-    found = {name: read_capture(file) for name, file in BOARD.items()}
-    assert {name: len(capture.log) for name, capture in found.items()} == {
-        "25": 14,
-        "75": 107,
-        "extended": 5,
-    }
-    assert all(not capture.log.faults for capture in found.values())
-    starts = {name: np.median(np.diff(found[name].table()["start_s"])) for name in ("25", "75")}
-    assert starts["25"] / starts["75"] == pytest.approx(8, rel=1e-3)
-    loads = {name: found[name].loads()["load"] for name in ("25", "75")}
-    assert loads["25"]["with intermission"] < 0.004
-    assert loads["75"]["with intermission"] < 0.03
-    assert read_back(found["extended"])[0].extended
-
-
 # An independent check ---------------------------------------------------------------------------
 
 

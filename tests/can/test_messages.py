@@ -377,20 +377,16 @@ BA_ "GenMsgCycleTime" BO_ 256 100;
 """
 
 
-def test_a_dbc_is_read(tmp_path):
+def test_a_dbc_is_read():
     pytest.importorskip("cantools")
-    file = tmp_path / "ship.dbc"
-    file.write_text(DBC)
-    found = read_messages(file, period=0.05)
-    assert list(found) == [
+    assert list(parse_dbc(DBC, "ship.dbc", 0.05)) == [
         Message("Speed", 0x100, 8, 0.1, sender="JB1"),
         Message("Valve", 0x18FEF100, 3, 0.05, extended=True, sender="JB2"),
     ]
     with pytest.raises(InputError, match="'Valve' has no cycle time; give one with --period on"):
-        read_messages(file)
-    file.write_text(DBC.replace("Speed: 8", "Speed: 64"))
+        parse_dbc(DBC, "ship.dbc")
     with pytest.raises(InputError, match="message 'Speed' has 64 bytes"):
-        read_messages(file, period=0.05)
+        parse_dbc(DBC.replace("Speed: 8", "Speed: 64"), "ship.dbc", 0.05)
 
 
 CYCLE = """BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
@@ -434,15 +430,13 @@ def test_a_dbc_with_faults_is_read_without_strict_and_they_are_listed(tmp_path):
     assert read_messages(file, strict=False) == found.replace("Speed", dlc=8)
 
 
-def test_a_cycle_time_that_is_text_is_read_or_refused(tmp_path):
+def test_a_cycle_time_that_is_text_is_read_or_refused():
     pytest.importorskip("cantools")
-    file = tmp_path / "ship.dbc"
     text = DBC.replace("INT 0 65535", "STRING").replace('Time" 0;', 'Time" "";')
-    file.write_text(text.replace("BO_ 256 100", 'BO_ 256 "100"'))
-    assert read_messages(file, period=0.05).periods.tolist() == [0.1, 0.05]
-    file.write_text(text.replace("BO_ 256 100", 'BO_ 256 "fast"'))
+    messages = parse_dbc(text.replace("BO_ 256 100", 'BO_ 256 "100"'), "ship.dbc", 0.05)
+    assert messages.periods.tolist() == [0.1, 0.05]
     with pytest.raises(InputError, match="'Speed': cycle time is 'fast'; it must be a number"):
-        read_messages(file, period=0.05)
+        parse_dbc(text.replace("BO_ 256 100", 'BO_ 256 "fast"'), "ship.dbc", 0.05)
 
 
 def test_any_exception_of_cantools_becomes_an_input_error(tmp_path, monkeypatch):
@@ -479,17 +473,11 @@ def test_a_dbc_with_huge_numbers_is_refused_before_it_costs_time(length, bits, v
         parse_dbc(text, "hostile.dbc", 1.0, strict=False)
 
 
-def test_a_dbc_with_floats_and_multiplexers_is_read_and_never_written(tmp_path):
+def test_a_dbc_with_floats_and_multiplexers_is_read():
     pytest.importorskip("cantools")
-    file = tmp_path / "ship.dbc"
-    multiplexed = ' SG_ Page M : 0|8@1+ (1,0) [0|1] "" A\n SG_ M m0 : 32|32@1- (1,0) [0|0] "m" A\n'
-    text = f"BU_: A\nBO_ 256 Level: 8 A\n{multiplexed}{CYCLE}SIG_VALTYPE_ 256 M : 1;\n"
-    file.write_text(text)
-    found = read_messages(file)
-    assert list(found) == [Message("Level", 0x100, 8, 0.1, sender="A")]
-    with pytest.raises(ArgumentError, match=r"its suffix must be \.csv or \.xlsx"):
-        found.save(file)
-    assert file.read_text() == text
+    signals = ' SG_ Page M : 0|8@1+ (1,0) [0|1] "" A\n SG_ M m0 : 32|32@1- (1,0) [0|0] "m" A\n'
+    text = f"BU_: A\nBO_ 256 Level: 8 A\n{signals}{CYCLE}SIG_VALTYPE_ 256 M : 1;\n"
+    assert list(parse_dbc(text, "x.dbc")) == [Message("Level", 0x100, 8, 0.1, sender="A")]
 
 
 def test_large_numbers_in_texts_and_comments_of_a_dbc_are_read():

@@ -155,9 +155,7 @@ def test_a_sender_whose_hyperperiod_is_too_long_counts_as_several(monkeypatch):
 @pytest.mark.parametrize(
     ("bit_rate", "fast", "slow"),
     [
-        # Ticks of 1 fs: the period, the offset and the jitter have more than 64 bits.
-        (999_983, {"period": 0.1}, {"period": 1e5}),
-        (999_983, {"period": 0.1}, {"period": 0.1, "offset": 1e5 - 1e-9}),
+        # Ticks of 1 fs: the jitter has more than 64 bits.
         (999_983, {"period": 0.1}, {"period": 0.1, "jitter": 1e5}),
         # 2 ** 53 ticks are 9 s here, and the clock repeats after 12 s.
         (999_983, {"period": 3.0, "offset": 1e-9}, {"period": 4.0}),
