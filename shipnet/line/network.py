@@ -15,7 +15,7 @@ from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity, check_fields, check_quantity, check_trees, record
 from shipnet.lazy import Axes
-from shipnet.line.cable import CABLES, Cable, Valued
+from shipnet.line.cable import CABLES, Cable
 from shipnet.line.solver import Rooted, check_frequencies, fold, transfer
 
 #: Legal lengths [m]: a shorter run would in effect be a single node, and no field bus is longer.
@@ -82,8 +82,8 @@ class CableRun:
         return f"cable {self.a} - {self.b}"
 
 
-@record(eq=False)
-class Load(Valued):
+@record
+class Load:
     """A resistor, an inductor and a capacitor in parallel, from a node to the reference conductor.
 
     At least one of them must be given. A terminator is a load with a resistor only.
