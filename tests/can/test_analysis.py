@@ -41,11 +41,10 @@ def test_each_bit_rate_has_a_load_late_messages_and_a_verdict():
 
 def test_another_order_may_allow_a_lower_bit_rate():
     turned = can.MessageSet(
-        [
-            can.Message("slow", 1, 8, 0.1),
-            can.Message("other", 2, 8, 0.1),
-            can.Message("fast", 3, 8, 10e-3, deadline=6e-3),
-        ]
+        can.Message(name, number, 8, period, deadline)
+        for number, (name, period, deadline) in enumerate(
+            [("slow", 0.1, 0.1), ("other", 0.1, 0.1), ("fast", 10e-3, 6e-3)]
+        )
     )
     found = can.analyse(turned, [50e3, 62.5e3, 125e3])
     assert (found.lowest, found.lowest_in_best_order) == (125e3, 50e3)
@@ -462,12 +461,10 @@ def test_late_and_faster_agree_with_a_check_of_all_pairs_of_frames(times, period
     # Another message marks the beginning and the end of the log.
     message = can.Message("A", 0x10, 8, period, deadline, jitter)
     times, slack = sorted(times), max(deadline, jitter)
-    edges = np.array([0.0, 60.0])
-    log, marks = log_of(times), log_of(edges, 0x20)
-    both = can.Log(*(np.concatenate(pair) for pair in zip(log.columns, marks.columns, strict=True)))
+    both = joined(log_of(times), log_of([0.0, 60.0], 0x20))
     pairs = [(j - i, times[j] - times[i]) for j in range(len(times)) for i in range(j)]
     silences = np.diff([0, *times, 60])
-    slack += both.step  # two time stamps differ from the times by less than this
+    slack += both.step  # the times between frames differ from those of their stamps by less
     late = any(span > n * period * (1 + CLOCK_TOLERANCE) + slack for n, span in pairs)
     late |= silences.max() > period * (1 + CLOCK_TOLERANCE) + slack
     faster = any(span < n * period * (1 - CLOCK_TOLERANCE) - slack for n, span in pairs)
@@ -478,17 +475,7 @@ def test_late_and_faster_agree_with_a_check_of_all_pairs_of_frames(times, period
 
 def test_a_message_that_falls_silent_is_late_and_a_short_log_shows_nothing():
     plan = can.MessageSet([can.Message("A", 0x10, 8, 0.1), can.Message("B", 0x20, 8, 10.0)])
-    died = can.compare(
-        plan,
-        can.Log(
-            *(
-                np.concatenate(pair)
-                for pair in zip(
-                    log_of(np.arange(20) / 10).columns, log_of([0, 10.0], 0x20).columns, strict=True
-                )
-            )
-        ),
-    )
+    died = can.compare(plan, joined(log_of(np.arange(20) / 10), log_of([0, 10.0], 0x20)))
     assert died.table()["verdict"].to_dict() == {"A": "late", "B": "as planned"}
     assert died.table().loc["A", "longest_ms"] == pytest.approx(8100)
     short = can.compare(plan, log_of([0.0, 0.1]))

@@ -61,10 +61,8 @@ def test_messages_with_their_own_clocks_have_the_bounds_without_offsets(jitter, 
 def test_frames_of_the_sender_count_in_its_whole_hyperperiod():
     # Every second instance of m1 is due with m0, long after the hyperperiod of m0 alone.
     messages = can.MessageSet(
-        [
-            can.Message("m0", 0, 8, 0.01, sender="s"),
-            can.Message("m1", 1, 8, 0.015, offset=0.005, sender="s"),
-        ]
+        can.Message(f"m{k}", k, 8, period, offset=0.005 * k, sender="s")
+        for k, period in enumerate((0.01, 0.015))
     )
     assert can.response_times(messages, 125e3, offsets=True)["m1"].response == 2.16e-3
     even = messages.replace("m1", period=0.02)
