@@ -472,7 +472,7 @@ def response_times(
                 message,
                 C / second,
                 B / second,
-                math.inf if t < 0 else t / second,
+                math.inf if t < 0 else t / second if t >= 0 else math.nan,
                 tuple(ticks / second for ticks in responses),
                 worst / second,
                 worst <= D,
