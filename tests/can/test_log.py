@@ -81,15 +81,14 @@ def test_our_reader_and_python_can_agree_on_candump_logs(tmp_path):
     assert_same(mine, replace(log, dlc=np.where(log.remote, 0, log.dlc).astype(np.uint8)))
     log.save(tmp_path / "ours.log")
     with can.LogReader(tmp_path / "ours.log") as reader:
-        theirs = list(reader)
-    assert [m.timestamp for m in theirs] == log.time.tolist()
-    assert [m.arbitration_id for m in theirs] == log.arbitration_id.tolist()
-    assert [m.is_extended_id for m in theirs] == log.extended.tolist()
-    assert [m.is_remote_frame for m in theirs] == log.remote.tolist()
-    assert [m.dlc for m in theirs] == log.dlc.tolist()
-    assert [bytes(m.data) for m in theirs] == [
-        b"" if asks else bytes(row[:dlc])
-        for row, dlc, asks in zip(log.data, log.dlc, log.remote, strict=True)
+        theirs = [
+            (m.timestamp, m.arbitration_id, m.is_extended_id, m.is_remote_frame, m.dlc, m.data)
+            for m in reader
+        ]
+    columns = (column.tolist() for column in log.columns)
+    assert theirs == [
+        (time, number, extended, remote, dlc, b"" if remote else bytes(data[:dlc]))
+        for time, _, number, extended, remote, dlc, data in zip(*columns, strict=True)
     ]
 
 
