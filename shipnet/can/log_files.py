@@ -9,6 +9,7 @@ import io
 import os
 import re
 import zlib
+from array import array
 from base64 import b64decode
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
@@ -26,7 +27,6 @@ from shipnet.can.dbc import one_line
 from shipnet.can.log import Log, impossible
 from shipnet.errors import InputError, load_extra
 
-_ROWS = 1 << 16  #: Number of rows kept as Python objects; more rows are packed into an array.
 _FAULTS = 1000  #: Largest number of faults recorded per file.
 
 #: Kinds of valid records other than classic CAN frames, and data lengths used only by CAN FD.
@@ -46,19 +46,15 @@ class _Row(NamedTuple):
     kind: str = ""
 
 
-#: Columns of a log, and the position of each frame in the file.
-_NAMES = ["time", "channel", "arbitration_id", "extended", "remote", "dlc", "data", "position"]
-_TYPES = [float, object, np.int64, bool, bool, np.uint8, "S8", np.int64]
-_COLUMNS = np.dtype([*zip(_NAMES, _TYPES, strict=True)])
-
-
 class _Records:
     """The records read from a file so far; a position is a line or frame number, as `unit` says."""
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
-        self.rows: list[tuple[Any, ...]] = []
-        self.packed: list[npt.NDArray[np.void]] = []
+        # Columns of the frames, in little memory, and the position of each frame in the file.
+        self.time, self.number, self.position = array("d"), array("q"), array("q")
+        self.extended, self.remote, self.dlc, self.data = (bytearray() for _ in range(4))
+        self.channel: list[str] = []
         self.skipped: list[tuple[float, str, str]] = []
         self.faults: list[tuple[int, str]] = []
         self.more = 0
@@ -80,20 +76,18 @@ class _Records:
         ):
             self.fault(position, why)
         else:
-            self.rows.append((*row[:7], position))
-            if len(self.rows) == _ROWS:
-                self.pack()
-
-    def pack(self) -> None:
-        """Move the rows into an array, which takes less memory."""
-        self.packed.append(np.array(self.rows, dtype=_COLUMNS))
-        self.rows = []
+            self.time.append(time)
+            self.number.append(number)
+            self.position.append(position)
+            self.channel.append(channel)
+            self.extended.append(extended)
+            self.remote.append(remote)
+            self.dlc.append(dlc)
+            self.data += data.ljust(8, b"\0")
 
     def log(self) -> Log:
         """Return the log."""
-        self.pack()
-        frames = np.concatenate(self.packed)
-        time, channel = frames["time"], frames["channel"].astype(str)
+        time, channel = np.array(self.time), np.array(self.channel, dtype=str)
         without = np.isnan(time)
         bad = without & ~without.all()
         for name in np.unique(channel) if np.any(np.diff(time) < 0) else ():
@@ -101,18 +95,16 @@ class _Records:
             bad[on_channel[_out_of_order(time[on_channel])]] = True
         for at in np.flatnonzero(bad):
             why = f"the time {time[at]} s is out of order on {channel[at]}"
-            self.fault(
-                int(frames["position"][at]), "it has no time, but others do" if without[at] else why
-            )
-        frames = frames[~bad]
+            self.fault(self.position[at], "it has no time, but others do" if without[at] else why)
+        good = ~bad
         return Log(
-            frames["time"],
-            channel[~bad],
-            frames["arbitration_id"],
-            frames["extended"],
-            frames["remote"],
-            frames["dlc"],
-            np.ascontiguousarray(frames["data"]).view(np.uint8).reshape(-1, 8),
+            time[good],
+            channel[good],
+            np.array(self.number)[good],
+            np.array(self.extended, dtype=bool)[good],
+            np.array(self.remote, dtype=bool)[good],
+            np.array(self.dlc, dtype=np.uint8)[good],
+            np.array(self.data, dtype=np.uint8).reshape(-1, 8)[good],
             tuple(why for _, why in sorted(self.faults)),
             tuple(self.skipped),
         )
