@@ -30,14 +30,6 @@ def test_the_bound_is_55_or_80_bits_and_ten_per_byte():
     assert both.tolist() == np.stack([47 + 8 * s, 67 + 8 * s], axis=1).tolist()
 
 
-def frame_head(extended, dlc):
-    """Return the bits from start of frame to the data; None where a bit is free."""
-    length = [int(bit) for bit in f"{dlc:04b}"]
-    if extended:
-        return [0, *[None] * 11, 1, 1, *[None] * 18, 0, 0, 0, *length]
-    return [0, *[None] * 11, 0, 0, 0, *length]
-
-
 @pytest.mark.parametrize("frame", LONGEST, ids=str)
 def test_the_longest_frames_exist(frame):
     most = frame_length(len(frame.data), stuffing="attainable", extended=frame.extended)
@@ -82,7 +74,10 @@ def over_all_frames(extended, dlc):
                 new_most[place] = np.maximum(new_most[place], most[:, last, run] + stuff)
 
     tables = (mass, mean, most)
-    for fixed in frame_head(extended, dlc) + [None] * 8 * dlc:
+    # The bits from start of frame to the data; None where a bit is free.
+    middle = [None] * 11 + ([1, 1, *[None] * 18] if extended else [])
+    length = [int(bit) for bit in f"{dlc:04b}"]
+    for fixed in [0, *middle, 0, 0, 0, *length, *[None] * 8 * dlc]:
         fresh = (np.zeros_like(mass), np.zeros_like(mass), np.full(mass.shape, -np.inf))
         for bit in (0, 1) if fixed is None else (fixed,):
             step(fresh, bit, 0.5 if fixed is None else 1.0, tables)

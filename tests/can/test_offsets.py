@@ -69,29 +69,25 @@ def test_frames_of_the_sender_count_in_its_whole_hyperperiod():
     assert can.response_times(even, 125e3, offsets=True)["m1"].response == 1.08e-3
 
 
+def pair(*messages, last):
+    """Return messages of one sender, (period, deadline, offset, length) in bits, and another."""
+    both = [
+        can.Message(f"m{k}", k, 8, period * US, due * US, offset=at * US, sender="s", bits=bits)
+        for k, (period, due, at, bits) in enumerate(messages)
+    ]
+    return can.MessageSet([*both, can.Message("last", 9, 8, 1.0, bits=last)])
+
+
 @pytest.mark.parametrize("offset", [200, 200.5])
-def test_a_bound_with_offsets_is_one_instance_without_a_busy_period(offset):
+@pytest.mark.parametrize(("deadline", "met"), [(250, True), (249.999, False)])
+def test_a_bound_with_offsets_is_one_instance_without_a_busy_period(offset, deadline, met):
     # The second message is due this many bits after the first, and waits for a frame of 150 bits.
-    for deadline, met in ((250, True), (249.999, False)):
-        messages = can.MessageSet(
-            can.Message(
-                f"m{k}",
-                k,
-                8,
-                1000 * US,
-                deadline=deadline * US,
-                offset=k * offset * US,
-                sender="s",
-                bits=100,
-            )
-            for k in range(2)
-        )
-        messages = can.MessageSet([*messages, can.Message("last", 9, 8, 1.0, bits=150)])
-        found = can.response_times(messages, FAST, offsets=True)["m1"]
-        assert math.isnan(found.busy_period)
-        assert found.instances == (found.response,)
-        assert found.response == pytest.approx(250 * US, rel=1e-12)
-        assert found.met is met
+    messages = pair((1000, deadline, 0, 100), (1000, deadline, offset, 100), last=150)
+    found = can.response_times(messages, FAST, offsets=True)["m1"]
+    assert math.isnan(found.busy_period)
+    assert found.instances == (found.response,)
+    assert found.response == pytest.approx(250 * US, rel=1e-12)
+    assert found.met is met
 
 
 @pytest.mark.parametrize(("jitter", "cases"), [(0.0, 30), (0.3, 8)])
@@ -118,11 +114,7 @@ def test_no_simulated_response_exceeds_the_bound_and_offsets_never_raise_it(jitt
 def test_a_frame_of_the_same_sender_queued_within_the_arbitration_time_goes_first():
     # After a frame of 50 bits m1 is sent, unless m0 is queued less than a bit later.
     for offset, expected in ((50, 210), (50.5, 210), (51, 150)):
-        messages = can.MessageSet(
-            can.Message(f"m{k}", k, 8, 1000 * US, offset=at * US, sender="s", bits=bits)
-            for k, (at, bits) in enumerate([(offset, 60), (0, 100)])
-        )
-        messages = can.MessageSet([*messages, can.Message("last", 9, 8, 1.0, bits=50)])
+        messages = pair((1000, 1000, offset, 60), (1000, 1000, 0, 100), last=50)
         low = can.response_times(messages, FAST, offsets=True)["m1"]
         assert low.response == pytest.approx(expected * US, rel=1e-12)
 
