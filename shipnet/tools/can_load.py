@@ -7,9 +7,10 @@ from functools import cached_property
 from math import inf
 from typing import Any
 
+from shipnet.can.dbc import parse_dbc
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Stuffing
-from shipnet.can.messages import BIT_RATES, EXAMPLE, MessageSet, bus_load, parse_dbc
+from shipnet.can.messages import BIT_RATES, EXAMPLE, MessageSet, bus_load
 from shipnet.can.offsets import spread_offsets
 from shipnet.can.response import ResponseTimes, response_times
 from shipnet.errors import ArgumentError, InputError
