@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import binary_dilation
 
 from shipnet import style
 from shipnet.answers import Findings
@@ -480,27 +481,31 @@ class Capture:
         >>> decode(plan.record(10e-3, weak={"2": 0.4}, rng=2024)).causes()["slave"].to_dict()
         {'weak slave': '2'}
         """
-        broken, slaves = self.check(plan).violated(), self.slaves
+        broken = self.check(plan).violated()
         causes: list[Found] = []
         if len(broken) or self.disturbances:
-            answering = int((slaves["answers"] > 0).sum())
-            causes = line_causes(
-                self._restored, self.transactions, answering, self.disturbances, self.supply_voltage
-            )
-            clear = self._clear if causes else self
-            causes = _power_cause(self) + causes
+            powered = self._powered
+            answering = int((self.slaves["answers"] > 0).sum())
+            line = powered._restored, powered.transactions, answering, powered.disturbances
+            causes = line_causes(*line, self.supply_voltage)
+            kinds = {one.cause for one in causes}
+            clear = powered._clear if causes else powered
+            power = _power_cause(self)
             usual = usual_levels(clear.slaves, plan)
             senders = sender_causes(clear.slaves, usual, clear.disturbances, clear._silences)
             explained = set()
             # What silences most slaves is a fault of the line.
-            if causes and 2 * [one.cause for one in senders].count(SILENT) > len(clear._silences):
+            silent = [one.cause for one in senders].count(SILENT)
+            if (power or causes) and 2 * silent > len(clear._silences):
                 explained.add(SILENT)
-            # Such faults explain bad telegrams, but not a few bursts between good ones.
-            kinds = {one.cause for one in causes}
-            few = (5 if POWER in kinds else 2) <= clear.disturbances <= clear.telegrams
-            if {CABLE, INDUCTANCE, POWER} & kinds and not few:
+            # A wrong cable or inductance explains bad telegrams, but not bursts between good ones,
+            # and an inductance does not explain that some requests are good and others bad.
+            bursts = clear.disturbances
+            if CABLE not in kinds:
+                bursts += int(clear.slaves["bad_requests"].sum())
+            if {CABLE, INDUCTANCE} & kinds and not 2 <= bursts <= 2 * clear.telegrams:
                 explained.add(INTERFERENCE)
-            causes += [one for one in senders if one.cause not in explained]
+            causes = power + causes + [one for one in senders if one.cause not in explained]
             causes += plan_causes(broken, [one.slave for one in causes])
         return ranked(causes, broken, self.inverted)
 
@@ -640,6 +645,20 @@ class Capture:
             return self
         clear = decode(self._restored.pulses, self._restored.step, extended=self.extended)
         return max(self, clear, key=lambda one: one.telegrams / max(1, len(one.transactions)))
+
+    @cached_property
+    def _powered(self) -> Capture:
+        """The capture without the times at which the supply fails, or this one if it never does.
+
+        While the supply falls and rises, telegrams are cut off and bursts appear.
+        """
+        length = len(self.wave.u) / len(self._means)
+        low = binary_dilation(self._means < POWER_FAIL, iterations=3)
+        if np.isnan(self.supply_voltage) or low.all() or not low.any():
+            return self
+        block = np.minimum(np.arange(len(self.wave.u)) / length, len(low) - 1).astype(int)
+        u = np.where(low[block], np.nan, self.wave.u)
+        return decode(u, self.wave.dt, extended=self.extended)
 
     @cached_property
     def _asked(self) -> pd.DataFrame:

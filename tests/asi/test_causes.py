@@ -142,11 +142,12 @@ def two_faults(one, other, seed):
     """
     rng = np.random.default_rng(seed)
     both = {one, other}
-    options = {}
+    # Half of the record must show every slave several times if the supply fails for the other half.
+    options = {"duration": 40e-3} if POWER in both else {}
     while True:
         # Where interference is too strong for its slaves, draw another plan and another strength.
         if INTERFERENCE in both:
-            options = dict(zip(("disturbance", "amplitude"), interference(rng), strict=True))
+            options["disturbance"], options["amplitude"] = interference(rng)
         if CABLE in both:
             plan = long_tree(rng)
         elif SECOND in both:
@@ -199,20 +200,20 @@ def test_causes_on_trees_that_the_rules_do_not_come_from():
 
 def test_two_causes_are_among_the_first_three():
     # Two faults that both change the impedance add up to one impedance: only one can be named.
-    # Interference of more than 30 % of the power hides the impedance, and silent slaves, too.
     pairs = [
         pair for pair in combinations(CAUSES, 2) if len({*pair, CABLE, SECOND, INDUCTANCE}) > 3
     ]
-    missed, tried = [], 0
     for (one, other), seed in product(pairs, range(4000, 4000 + several(1, 4))):
         wave, slaves = two_faults(one, other, seed)
-        table = decode(wave).causes()
-        first = list(zip(table.index[:3], table["slave"][:3], strict=True))
-        tried += 1
-        if not set(zip((one, other), slaves, strict=True)) <= set(first):
-            missed.append((one, other, seed, first))
-    print(f"{tried} records with two faults, missed: {missed}")
-    assert len(missed) <= 0.1 * tried
+        table = decode(wave).causes().iloc[:3]
+        missed = set(zip((one, other), slaves, strict=True)) - set(
+            zip(table.index, table["slave"], strict=True)
+        )
+        # Telegrams of a long cable that cannot be restored may be spoilt by its echoes or by
+        # interference; then the evidence names both.
+        if {one, other} == {CABLE, INTERFERENCE} and "interference" in table["evidence"].iloc[0]:
+            missed.discard((INTERFERENCE, ""))
+        assert not missed, (one, other, seed, table)
 
 
 def test_healthy_trees_have_no_cause():
