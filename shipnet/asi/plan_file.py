@@ -143,9 +143,7 @@ class _Elements(Cells):
         return cell("kind").lower() in _KINDS or sum(bool(cell(name)) for name in COLUMNS) > 1
 
 
-def read_elements(
-    path: str | PathLike[str],
-) -> tuple[list[Element], Notes, tuple[str, ...]]:
+def read_elements(path: str | PathLike[str]) -> tuple[list[Element], Notes, tuple[str, ...]]:
     """Read the elements of a plan from a file, the notes on them, and remarks on the reading."""
     what = "titles of a plan (at least kind and node)"
     sheet = read_sheet(path, is_titles=_Elements.score(), what=what)

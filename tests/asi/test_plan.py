@@ -143,10 +143,7 @@ def test_the_last_slaves_share_addresses_or_those_that_can_wait():
         (lambda: CableRun("a", "b", 0), "length of cable a - b is 0 m"),
         (lambda: CableRun("a", "b", math.nan), "is nan m"),
         (lambda: CableRun("a", "b", "5"), "length of cable a - b is '5'"),
-        (
-            lambda: CableRun("a", "b", 5, "cat 5"),
-            "is 'cat 5'; it must be a Cable or one",
-        ),
+        (lambda: CableRun("a", "b", 5, "cat 5"), "is 'cat 5'; it must be a Cable or one"),
         (lambda: CableRun("", "b", 5), "a node is ''"),
         (lambda: Master(node=" a"), "a node is ' a'"),
         (lambda: Master(node="a\nb"), "printable"),
@@ -163,10 +160,7 @@ def test_the_last_slaves_share_addresses_or_those_that_can_wait():
         (lambda: line(100, 63), "63 slaves need 32 addresses"),
         (lambda: line(9, 1).with_repeater("9 m", line(9, 1), prefix=" 2"), "is ' 20 m'"),
         (lambda: line(9).with_repeater("9 m", line(9), prefix=""), "would have a node '0 m'"),
-        (
-            lambda: line(9).with_repeater("9 m", Plan([CableRun("a", "b", 1)])),
-            "has 0 masters",
-        ),
+        (lambda: line(9).with_repeater("9 m", Plan([CableRun("a", "b", 1)])), "has 0 masters"),
         (lambda: line(9, 31).with_repeater("9 m", line(9, 1)), "label is '32'"),
     ],
 )

@@ -3,11 +3,7 @@ import itertools
 import pytest
 
 from shipnet.asi import Profile
-from shipnet.asi.profile import (
-    IO_CONFIGURATIONS,
-    describe_io_configuration,
-    describe_status,
-)
+from shipnet.asi.profile import IO_CONFIGURATIONS, describe_io_configuration, describe_status
 from shipnet.errors import ArgumentError
 
 

@@ -8,12 +8,7 @@ import pytest
 from shipnet import compiled
 from shipnet.asi import BIT_TIME, Call, Request, Response
 from shipnet.asi.channel import TRANSACTION
-from shipnet.asi.commands import (
-    ChangeAddress,
-    ReadCodes,
-    ResetSlave,
-    WriteParameter,
-)
+from shipnet.asi.commands import ChangeAddress, ReadCodes, ResetSlave, WriteParameter
 from shipnet.asi.faults import (
     BrokenCable,
     DeadSlave,
