@@ -200,8 +200,6 @@ def _fitted(s: npt.NDArray[Any], sent: Complexes, spectra: Complexes) -> Impedan
     )
 
 
-# Causes ----------------------------------------------------------------------------------------
-
 CABLE = "cable too long or a stub"
 SECOND = "second supply"
 INDUCTANCE = "supply inductance missing or wrong"

@@ -59,8 +59,6 @@ TRANSACTION = np.dtype(
 #: Attempt, outcome, pause, response and execution of a request that nobody answers.
 _UNANSWERED = (0, SilenceError.code, nan, -1, False)
 
-# Disturbances ----------------------------------------------------------------------------------
-
 #: Number of ways to disturb one pulse of a response; the ways are numbered from 1.
 VARIANTS = len(ONE_PULSE_CODES[0])
 
@@ -98,9 +96,6 @@ def draw_disturbances(
             variant = rng.integers(1, VARIANTS + 1, shape, dtype=np.uint8)
             to_slave["variant"] = np.where(rng.random(shape) < disturbed, variant, 0)
     return drawn
-
-
-# Stations --------------------------------------------------------------------------------------
 
 
 class Station(RunningSlave):
@@ -154,9 +149,6 @@ class Stations(dict[str, list[Station]]):
         raise ArgumentError(
             f"slave {label} is not on the line; its slaves are {', '.join(self) or 'none'}"
         )
-
-
-# The telegrams ---------------------------------------------------------------------------------
 
 
 @compiled

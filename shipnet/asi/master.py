@@ -134,9 +134,6 @@ def check_bits(what: str, label: str, value: int) -> int:
     return check_whole(f"{what} of slave {label}", value, 0, 7 if slave_key(label)[1] else 15)
 
 
-# Lists -----------------------------------------------------------------------------------------
-
-
 class Identity(NamedTuple):
     """The profile of a slave and its extended ID code 1, -1 if the code was not read."""
 
@@ -254,8 +251,6 @@ class Lists:
         self.changes.append((self.clock(), which, self.label(key), present))
 
 
-# Tasks -----------------------------------------------------------------------------------------
-
 #: Replies in place of data bits: no response before the time-out, and an invalid response.
 SILENT, FAULTY = -1, -2
 
@@ -334,9 +329,6 @@ def wait_for_storing(address: int, half: Half | None) -> Task[None]:
         status = yield Request(Call.READ_STATUS, address, half=half)
         if status >= 0 and not status & 1:
             return
-
-
-# Phases ----------------------------------------------------------------------------------------
 
 
 class Phase(IntEnum):

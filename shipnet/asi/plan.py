@@ -590,9 +590,6 @@ def read_plan(path: str | PathLike[str]) -> Plan:
     return replace(plan_of(elements, notes), remarks=remarks)
 
 
-# Several plans --------------------------------------------------------------------------------
-
-
 class Comparison:
     """Signal quality of several plans, by name of the plan."""
 

@@ -26,8 +26,6 @@ from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.fields import check_fields, check_rng, check_scalar, check_whole, number, part, record
 from shipnet.lazy import Axes, pd
 
-# A standby master ------------------------------------------------------------------------------
-
 
 @record
 class Standby:
@@ -66,8 +64,6 @@ class Standby:
             label: bits for label, bits in outputs.items() if label in (self.master.projected or {})
         }
 
-
-# Results ---------------------------------------------------------------------------------------
 
 _OUTCOMES = [name_of(code) for code in range(SilenceError.code + 1)]
 
@@ -441,8 +437,6 @@ def _values(exchanges_of_slave: pd.DataFrame, slave: Slave) -> pd.DataFrame:
         {"slave": exchanges_of_slave["slave"].iloc[0], "sampled": sampled, "known": known}
     )
 
-
-# The simulation --------------------------------------------------------------------------------
 
 _USUAL = Transaction()
 

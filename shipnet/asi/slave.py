@@ -42,9 +42,6 @@ WATCHDOG = 94.2e-3
 WRITE_TIME = 15e-3
 
 
-# Labels ----------------------------------------------------------------------------------------
-
-
 def slave_key(label: str, name: str = "slave") -> tuple[int, Half | None]:
     """Return a label's key (twice the address, plus 1 for a B slave) and half: A, B or None."""
     parsed = _key_and_half(label) if isinstance(label, str) else None
@@ -213,8 +210,6 @@ class Slave:
         return f"slave {self.label} at {self.node}" if self.node else f"slave {self.label}"
 
 
-# Requests as slaves read them ------------------------------------------------------------------
-
 #: Kinds of slave, by half: None for a standard slave, "A" or "B" for an A/B slave. The bits that
 #: carry four outputs to a standard slave carry three outputs and the select bit to an A/B slave.
 KINDS: tuple[Half | None, ...] = (None, "A", "B")
@@ -239,9 +234,6 @@ def as_read(bits: str, kind: int) -> Request | None:
     # At address 0 the select bit is ignored: a master does not know which slave is there.
     meant = request.address == 0 or request.half is None or request.half == KINDS[kind]
     return request if meant else None
-
-
-# Receive states --------------------------------------------------------------------------------
 
 
 class State(Enum):
@@ -284,8 +276,6 @@ TRANSITIONS = {
     (State.SYNCHRONOUS, Event.SLAVE_PAUSE): State.RECEIVE,
 }
 
-
-# The slave -------------------------------------------------------------------------------------
 
 #: Output and parameter bits after a reset: all set, with the ports switched off (AS2702, p. 13).
 DEFAULT = 0xF

@@ -170,8 +170,6 @@ class Transaction:
         return ax
 
 
-# Cycles ---------------------------------------------------------------------------------------
-
 #: Number of slave addresses: five bits without address 0.
 ADDRESSES = 31
 
@@ -412,9 +410,6 @@ def polling_cycle(
     pairs, delayed = sum(len(group) > 1 for group in groups), any(map(any, groups))
     options: dict[str, Any] = {"pairs": pairs, "delays": groups if delayed else ()}
     return Cycle(len(groups) + pairs, transaction=transaction or Transaction(), **options)
-
-
-# Values of more than four bits -----------------------------------------------------------------
 
 
 # An exchange transfers four bits, so an analogue value is sent in pieces; each type of transfer

@@ -83,10 +83,6 @@ def test_a_mode_that_does_not_fit_is_refused(extended):
         Requests.parse([1, 2, 3], extended=extended)
 
 
-def test_empty_arrays_stay_empty():
-    assert Requests.parse([]).call.shape == (0,)
-
-
 @pytest.mark.parametrize(
     "values", [[0.5], ["1"], [None], [np.nan], [True], np.array([1], "timedelta64[s]")]
 )

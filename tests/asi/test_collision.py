@@ -40,19 +40,6 @@ def test_an_answer_over_a_request_never_makes_another_request():
     assert survived == 2560
 
 
-def test_pulses_add_up_as_currents_do():
-    total = np.zeros(16, dtype=int)
-    total[:14] += Modulation(ANSWERS[3]).pulses.signs
-    total[2:16] += Modulation(ANSWERS[9]).pulses.signs
-    bits, error = collide(((ANSWERS[3], 0), (ANSWERS[9], 2)), 7)
-    assert (bits, error) == ("", Pulses(np.sign(total)).check()[1])
-
-
-def test_a_telegram_that_began_earlier_is_heard_from_its_middle():
-    early = [*Modulation(ANSWERS[9]).pulses.signs[4:], 0, 0, 0, 0, 0, 0]
-    assert collide(((ANSWERS[9], -4),), 7)[1] == Pulses(early).check()[1]
-
-
 def test_the_codes_of_one_disturbed_pulse_are_those_that_the_scalar_receiver_finds():
     for data, codes in enumerate(ONE_PULSE_CODES):
         word = np.pad(Modulation(ANSWERS[data]).pulses.signs, (0, 2))

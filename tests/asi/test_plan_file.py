@@ -13,7 +13,7 @@ from shipnet.asi.plan_file import COLUMNS
 from shipnet.asi.profile import Profile
 from shipnet.asi.segment import Repeater, Supply, Terminator
 from shipnet.asi.slave import Slave
-from shipnet.asi.topologies import line, star
+from shipnet.asi.topologies import line
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import declared
 from shipnet.line import CABLES
@@ -85,10 +85,6 @@ def shuffled(text):
 )  # fmt: skip
 def test_spreadsheets_of_all_sorts_write_the_same_plan(load, content):
     assert load(content) == PLAN
-
-
-def test_windows_1252_is_read_too(load):
-    assert load(SMALL.replace("bridge", "Brücke").encode("cp1252")).masters[0].node == "Brücke"
 
 
 def test_empty_cells_mean_the_default(load):
@@ -170,11 +166,6 @@ def test_structure_and_cell_faults_are_reported_together_if_all_cables_are_legal
 )
 def test_files_that_are_not_plans_are_refused(load, content, message):
     assert any(message in fault for fault in faults(load, content)), faults(load, content)
-
-
-def test_a_comma_in_a_name_is_not_a_decimal_comma(load):
-    plan = load("kind;node;to;length_m\ncable;deck 3, aft;b;1.5\n")
-    assert plan.cables == (CableRun("deck 3, aft", "b", 1.5),)
 
 
 def test_a_file_that_is_not_there(tmp_path):
@@ -319,21 +310,6 @@ def test_the_submarine_of_kim2023():
     # 15 transactions, the last a search; seven of them wait for a repeater.
     assert plan.check(wanted_cycle=2.6e-3).ok and not plan.check(wanted_cycle=2.5e-3).ok
     assert max(segment.reach for segment in plan.segments) == 168
-
-
-def test_the_ballast_plan_as_a_user_would_write_it():
-    plan = read_plan(datasets.path("synthetic_asi_plan_ballast.csv"))
-    assert [slave.label for slave in plan.slaves] == ["1", "2", "3", "4", "5A", "5B"]
-    assert plan.segments[0].length == 81
-    assert plan.check(wanted_cycle=5e-3).ok
-
-
-def test_a_star_is_written_and_read(tmp_path):
-    plan = star(90, [10 / 62] * 62)
-    plan.save(tmp_path / "star.csv")
-    assert read_plan(tmp_path / "star.csv") == plan
-    text = (tmp_path / "star.csv").read_text()
-    assert re.search(r"^slave,leg 62,,,,31B,S-0\.A\.F,65,,$", text, re.M)
 
 
 # Plans as yards write them.

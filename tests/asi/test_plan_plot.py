@@ -3,8 +3,6 @@ import pytest
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
-from shipnet import datasets
-from shipnet.asi.plan import read_plan
 from shipnet.asi.topologies import line
 from shipnet.style import LIMIT
 
@@ -46,19 +44,3 @@ def test_a_segment_that_violates_a_rule_is_red(ax):
     assert [max(one.get_xdata()) for one in red] == [170]
     assert points(ax, "repeater")[0][0] == 60
     assert [text.get_text() for text in ax.texts] == ["1", "2"]
-
-
-def test_slaves_at_one_node_are_named_together(ax):
-    read_plan(datasets.path("synthetic_asi_plan_ballast.csv")).plot(ax=ax)
-    assert [text.get_text() for text in ax.texts] == ["1", "2", "3", "4", "5A 5B"]
-
-
-def test_lines_are_drawn_one_below_the_other(ax):
-    plan = read_plan(datasets.path("synthetic_asi_plan_submarine.csv"))
-    plan.plot(plan.check(), ax=ax)
-    heights = [y for _, y in points(ax, "master")]
-    assert len(heights) == 14
-    assert heights == sorted(heights, reverse=True)
-    assert {x for x, _ in points(ax, "master")} == {0}
-    assert len(points(ax, "slave, passed")) == 190
-    assert len(points(ax, "repeater")) == 5

@@ -40,10 +40,6 @@ def test_profiles_are_parsed_from_their_text():
         assert profile.extended == (codes[1] == 10)
 
 
-def test_only_id_code_a_shares_its_address():
-    assert [code for code in range(16) if Profile(7, code).extended] == [0xA]
-
-
 @pytest.mark.parametrize("text", ["", "7.A.E", "S-7", "S-G.A", "S-7.A.E.0", "S-7.A.", "S-77.A"])
 def test_other_profiles_are_refused(text):
     with pytest.raises(ArgumentError, match="must look like"):

@@ -1,10 +1,7 @@
-import itertools
-
 import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from shipnet import style
 from shipnet.asi.simulation import simulate
@@ -25,13 +22,6 @@ def traffic():
     drawn[1, 0, 1, 0] = 1
     drawn[2, 0, 1, 0] = 5 << 2
     return simulate_drawn(drawn, [Slave("1", "S-7.F.F"), Slave("2", "S-7.F.F")], cycles=4)
-
-
-def test_a_window_shows_what_begins_in_it(ax):
-    run = traffic()
-    start, stop = run.events().query("cycle >= 0")["time_s"].iloc[[3, 5]]
-    run.plot(start=start, stop=stop, ax=ax)
-    assert len(requests_in(ax)) == 2
 
 
 def requests_in(ax):
@@ -64,16 +54,3 @@ def test_of_many_requests_without_a_fault_the_longest_wait_is_drawn(ax, cycles):
 def test_a_figure_of_nothing_is_refused(ax):
     with pytest.raises(ArgumentError, match="select no request"):
         traffic().plot(start=1.0, ax=ax)
-
-
-def test_no_words_overlap_and_none_leaves_the_figure(ax):
-    Slave.plot_states(ax=ax)
-    ax.figure.draw_without_rendering()
-    boxes = [text.get_window_extent() for text in ax.texts if text.get_text()]
-    for one, other in itertools.combinations(boxes, 2):
-        assert not one.overlaps(other)
-    states = [patch.get_window_extent() for patch in ax.patches if isinstance(patch, Rectangle)]
-    words = [box for box in boxes if not any(s.contains(*box.min) for s in states)]
-    assert not any(box.overlaps(state) for box in words for state in states)
-    frame = ax.get_window_extent()
-    assert all(frame.x0 <= box.x0 and box.x1 <= frame.x1 for box in boxes)

@@ -94,9 +94,6 @@ def _passed(since: Floats) -> Floats:
     return np.asarray(1 - np.exp(-since[..., np.newaxis] / _CONSTANTS) @ share)
 
 
-# Disturbances ----------------------------------------------------------------------------------
-
-
 @record
 class Noise:
     r"""White noise; its amplitude is the standard deviation of samples 250 ns apart.
@@ -251,8 +248,6 @@ class Burst:
             begin = begin + 1 / self.rate
         return u
 
-
-# Test levels ----------------------------------------------------------------------------------
 
 #: Parameters that define the severity of a test; the others define its kind.
 _SEVERITY = [

@@ -307,8 +307,6 @@ def error_rate(
     return np.array(rates)
 
 
-# Cycles ---------------------------------------------------------------------------------------
-
 #: Tries per slave and cycle, and the number of consecutive failed cycles after which a slave is
 #: dropped. Beckhoff, EL6201: three data exchange phases in a row; Siemens, AS-i analyser: six
 #: exchanges.
