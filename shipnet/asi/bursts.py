@@ -301,10 +301,10 @@ Telegrams: TypeAlias = "np.recarray[Any, Any]"
 
 def _joined(parts: list[Telegrams]) -> Telegrams:
     """Merge batches of telegrams and sort them by time."""
-    whole = np.concatenate(parts)
+    whole: Telegrams = np.concatenate(parts).view(np.recarray)
     if (np.diff(whole["first"]) < 0).any():
-        whole = whole[np.argsort(whole["first"], kind="stable")]
-    return whole.view(np.recarray)
+        whole = whole[np.argsort(whole["first"], kind="stable")].view(np.recarray)
+    return whole
 
 
 class Found(NamedTuple):

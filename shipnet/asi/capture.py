@@ -121,15 +121,9 @@ def transactions_of(
     key = np.ravel_multi_index((request_text, request_error, response_text, response_error), sizes)
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
     some = table.iloc[first]
-    sentences = map(
-        _in_words,
-        some["request"],
-        some["request_error"],
-        (calls.half[first] >= 0).tolist(),
-        some["response"],
-        some["response_error"],
-        calls.call[first].tolist(),
-    )
+    halves, numbers = (calls.half[first] >= 0).tolist(), calls.call[first].tolist()
+    ask, reply = ((some[kind], some[f"{kind}_error"]) for kind in ("request", "response"))
+    sentences = map(_in_words, *ask, halves, *reply, numbers)
     table["text"] = pd.Categorical(list(sentences))[which]
     return table
 
@@ -527,14 +521,8 @@ class Capture:
         least = _limits()[0]
         for sign in (1, -1):
             ax.axhline(zero + sign * least, color=colour, linestyle=dashes)
-        ax.text(
-            1.01,
-            zero - least,
-            f"{least:g} V",
-            transform=ax.get_yaxis_transform(),
-            color=colour,
-            va="center",
-        )
+        beside: dict[str, Any] = {"transform": ax.get_yaxis_transform(), "va": "center"}
+        ax.text(1.01, zero - least, f"{least:g} V", color=colour, **beside)
         ends, red = ax.get_xaxis_transform(), style.LIMIT["color"]
         per_inch = (stop - start) * ax.figure.dpi / ax.bbox.width
         legible, named = per_inch < 16 * BIT_TIME, -np.inf
@@ -550,9 +538,8 @@ class Capture:
                 colour = style.FIELD["address" if kind == "request" else "information"]
                 if error != "ok" and not legible:
                     colour = red
-                ax.axvspan(
-                    begin * 1e6, (begin + length) * 1e6, color=colour, alpha=0.5, linewidth=0
-                )
+                ends_us = begin * 1e6, (begin + length) * 1e6
+                ax.axvspan(*ends_us, color=colour, alpha=0.5, linewidth=0)
                 there: dict[str, Any] = {"transform": ends, "ha": "center"}
                 if legible:
                     ax.text(middle * 1e6, 1.02, bits, family="monospace", **there)
@@ -845,15 +832,7 @@ def decode(
             raise ArgumentError(f"extended contains {address!r}; addresses must be 1..31")
     decoded = find_telegrams(u, dt, threshold)
     table = transactions_of(decoded.telegrams, decoded.ends, extended)
-    return Capture(
-        table,
-        len(u) * dt,
-        decoded.inverted,
-        decoded.minimum,
-        decoded.disturbances,
-        wave,
-        tuple(extended),
-    )
+    return Capture(table, len(u) * dt, *decoded[2:], wave, tuple(extended))
 
 
 def _checked(u: npt.ArrayLike, dt: float) -> Floats:

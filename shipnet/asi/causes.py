@@ -191,13 +191,8 @@ def _fitted(s: npt.NDArray[Any], sent: Complexes, spectra: Complexes) -> Impedan
         fits.append(nnls(np.concatenate([columns.real, columns.imag]), target))
     values, rest = min(fits, key=lambda fit: fit[1])
     conductance, inverse, capacitance = np.maximum(values, 1e-6) * unit
-    return Impedance(
-        float(1 / conductance),
-        float(1 / inverse),
-        float(capacitance),
-        float(rest / np.linalg.norm(weight)),
-        float(stray),
-    )
+    misfit = rest / np.linalg.norm(weight)
+    return Impedance(*map(float, (1 / conductance, 1 / inverse, capacitance, misfit, stray)))
 
 
 CABLE = "cable too long or a stub"

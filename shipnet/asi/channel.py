@@ -473,40 +473,23 @@ class Channel:
         start, end = self.time, self.time + REQUEST_BITS
         self.happen(end)
         number, spoilt = self.row + 1, self._spoilt == self.row
+        late = self.transaction.unsynchronised
         answers = []
         for station, read in self._addressed(request) if self._readable(request) else []:
             lost, missed, variant = self._disturbance(station, attempt)
-            pause = receive(
-                self.stations.states,
-                station.place,
-                number,
-                lost,
-                missed or spoilt,
-                self.transaction.unsynchronised,
-            )
-            data = (
-                NONE
-                if lost
-                else OBEY[read.call](station, read.data, end * self.transaction.bit_time)
-            )
+            states, place = self.stations.states, station.place
+            pause = receive(states, place, number, lost, missed or spoilt, late)
+            obey = OBEY[read.call]
+            data = NONE if lost else obey(station, read.data, end * self.transaction.bit_time)
             if data != NONE:
                 answers.append((data, float(pause), variant, station))
         if request.call in MOVING:
             self._table = None
         reply, pause, error = self._resolve(request, end, answers)
         silent = request.call.rule.answer is None
-        self._rows(1)[self.row] = (
-            start,
-            attempt,
-            0 if silent else error,
-            pause,
-            max(reply, -1),
-            bool(answers) or silent,
-            self._phase,
-            self._cycle,
-            self.standby,
-            *_columns(request),
-        )
+        outcome = 0 if silent else error, pause, max(reply, -1), bool(answers) or silent
+        begun = self._phase, self._cycle, self.standby
+        self._rows(1)[self.row] = (start, attempt, *outcome, *begun, *_columns(request))
         self.row = number
         return reply
 

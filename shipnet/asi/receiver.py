@@ -181,11 +181,7 @@ class Receiver:
         0, 1, "", "Smallest pulse, relative to the first; above 0 and below 1", default=0.5
     )
     window: float = number(
-        0,
-        0.5,
-        "half-bits",
-        "The largest sample within this distance of a slot's middle counts",
-        default=0.1,
+        0, 0.5, "half-bits", "The largest sample this close to a slot's middle counts", default=0.1
     )
     matched: bool = switch("True to apply the matched filter first", default=True)
     minimum: float = number(0, 1e9, "V", "Smallest voltage of a pulse", default=MINIMUM)

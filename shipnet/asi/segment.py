@@ -233,14 +233,9 @@ def quality_of(*waves: Waveform) -> Quality:
         weakest, ringing = np.nan_to_num(received.weakest), np.nan_to_num(received.ringing, nan=1.0)
         parts.append(np.stack([np.ptp(wave.u, axis=-1), weakest, ringing, right]))
     level, weakest, ringing, right = np.concatenate(parts, axis=2)
-    return Quality(
-        level.min(axis=1),
-        level.max(axis=1),
-        weakest.min(axis=1),
-        ringing.max(axis=1),
-        right.mean(axis=1),
-        waves[0].names,
-    )
+    levels = level.min(axis=1), level.max(axis=1)
+    shapes = weakest.min(axis=1), ringing.max(axis=1)
+    return Quality(*levels, *shapes, right.mean(axis=1), waves[0].names)
 
 
 #: Time step of received telegrams, and silence before and after them [s].

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable
-from dataclasses import field
+from dataclasses import KW_ONLY
 from enum import Enum
 from functools import cache
 from math import inf
@@ -96,43 +96,26 @@ class Slave:
 
     label: str = text("Address, 1 to 31, followed by A or B for an A/B slave; 0 for a new slave")
     profile: Profile | str = ""
-    node: str = text("Node of the slave; required in a plan", default="", kw_only=True)
-    inputs: int = whole(0, 15, help="State of its input ports", default=0, kw_only=True)
-    current: float = number(
-        0, 10, "A", "Current from the line, including sensors", default=CURRENT, kw_only=True
-    )
+    _: KW_ONLY
+    node: str = text("Node of the slave; required in a plan", default="")
+    inputs: int = whole(0, 15, help="State of its input ports", default=0)
+    current: float = number(0, 10, "A", "Current from the line, including sensors", default=CURRENT)
     id1: int | None = whole(
         0,
         15,
-        help="Extended ID code 1 (up to 7 for an A/B slave; all bits set if omitted)",
+        "",
+        "Extended ID code 1; up to 7 for an A/B slave; all bits set if omitted",
         default=None,
         optional=True,
-        kw_only=True,
     )
     watchdog: float = number(
-        0,
-        inf,
-        "s",
-        "Time without data or parameters after which the slave resets itself",
-        default=WATCHDOG,
-        kw_only=True,
+        0, inf, "s", "Time without data or parameters until it resets itself", default=WATCHDOG
     )
-    channels: int = whole(
-        1,
-        CHANNELS,
-        help="Number of analogue values, if its profile transfers values",
-        default=1,
-        kw_only=True,
-    )
+    channels: int = whole(1, CHANNELS, "", "Number of values that it transfers", default=1)
     conversion: float = number(
-        0,
-        10,
-        "s",
-        "Time to convert an analogue value; manufacturers state 20 to 60 ms",
-        default=CONVERSION,
-        kw_only=True,
+        0, 10, "s", "Time to convert a value; makers state 20 to 60 ms", default=CONVERSION
     )
-    load: Load = field(default=DEVICE, kw_only=True)
+    load: Load = DEVICE
 
     def __post_init__(self) -> None:
         check_fields(self)

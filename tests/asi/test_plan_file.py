@@ -77,19 +77,22 @@ def shuffled(text):
         re.sub("(?m)^(\\w+),", r"\1,,", SMALL),
         b"\xef\xbb\xbf" + SMALL.encode(),
         SMALL.encode("utf-16"),
-        SMALL.replace("\n", ",remark, with comma\n").replace("rating_a,remark", "rating_a,note")
+        SMALL.replace("\n", ",remark, with comma\n")
+        .replace("rating_a,remark", "rating_a,note")
         .replace(", with comma", ""),
         SMALL.rstrip("\n"),
         SMALL.replace("60.25", "6025e-2").replace("deck", '"deck"'),
     ],
-)  # fmt: skip
+)
 def test_spreadsheets_of_all_sorts_write_the_same_plan(load, content):
     assert load(content) == PLAN
 
 
 def test_empty_cells_mean_the_default(load):
-    plan = load("kind,node,to,length_m,address\ncable,a,b,5,\nslave,b,,,7\nrepeater,b,c,,\n"
-                "cable,c,d,6,\nterminator,d,,,\nsupply,a,,,\n")  # fmt: skip
+    plan = load(
+        "kind,node,to,length_m,address\ncable,a,b,5,\nslave,b,,,7\nrepeater,b,c,,\n"
+        "cable,c,d,6,\nterminator,d,,,\nsupply,a,,,\n"
+    )
     assert plan.slaves == (Slave("7", node="b"),)
     assert (plan.repeaters, plan.terminators) == ((Repeater("b", "c"),), (Terminator("d"),))
     assert (plan.cables[0].cable, plan.supplies[0].voltage) == ("as-i 1.5", 30.0)
@@ -224,9 +227,13 @@ def plans(draw):
 def test_a_saved_plan_is_read_back_exactly(tmp_path_factory, plan, delay):
     other = renamed(line(7.7), "\N{WAVE DASH}")
     both = Plan(
-        [*plan.cables, *other.cables], plan.masters, plan.supplies, plan.slaves,
-        [Repeater(plan.cables[0].a, other.cables[0].a, delay)], plan.terminators,
-    )  # fmt: skip
+        [*plan.cables, *other.cables],
+        plan.masters,
+        plan.supplies,
+        plan.slaves,
+        [Repeater(plan.cables[0].a, other.cables[0].a, delay)],
+        plan.terminators,
+    )
     file = tmp_path_factory.getbasetemp() / "round.csv"
     both.save(file)
     assert read_plan(file) == both
@@ -329,7 +336,7 @@ def test_the_submarine_of_kim2023():
         SMALL.replace("kind,node", "Element,Node").replace("cable,address", "cable type,address"),
         SMALL + SMALL.splitlines()[0] + "\n",
     ],
-)  # fmt: skip
+)
 def test_a_plan_of_a_yard_is_read_like_a_plain_one(load, content):
     assert load(content) == PLAN
 
