@@ -19,7 +19,6 @@ from shipnet.asi.modulation import ONE_PULSE_CODES, collide
 from shipnet.asi.slave import (
     KINDS,
     MOVING,
-    OBEY,
     STATE,
     RunningSlave,
     Slave,
@@ -479,8 +478,8 @@ class Channel:
             lost, missed, variant = self._disturbance(station, attempt)
             states, place = self.stations.states, station.place
             pause = receive(states, place, number, lost, missed or spoilt, late)
-            obey = OBEY[read.call]
-            data = NONE if lost else obey(station, read.data, end * self.transaction.bit_time)
+            now = end * self.transaction.bit_time
+            data = NONE if lost else station.obey(read.call, read.data, now)
             if data != NONE:
                 answers.append((data, float(pause), variant, station))
         if request.call in MOVING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import KW_ONLY
 from enum import Enum
 from functools import cache
@@ -409,7 +409,7 @@ class RunningSlave:
         if not everybody and (request.address != self.address or other_half):
             self._step(Event.FOREIGN)
             return None
-        data = OBEY[request.call](self, request.data, time)
+        data = self.obey(request.call, request.data, time)
         unanswered = Event.SILENT if request.call.rule.answer is None else Event.UNKNOWN
         self._step(Event.OWN if data != NONE else unanswered)
         return Response(data, request.call) if data != NONE else None
@@ -420,18 +420,44 @@ class RunningSlave:
             self.trips.append(float(self.fields["expires"]))
             self._settle()
 
-    def exchange(self, outputs: int, time: float) -> int:
-        """Carry out *data exchange* at `time` [s]; return the data of the response, or NONE."""
-        self.rest(time)
-        return int(exchange(self.states, self.place, outputs, time))
-
-    def _write_parameter(self, data: int, time: float) -> int:
-        if self.address == 0:
-            return NONE
-        self.rest(time)
-        self.parameter = data
-        self.fields["active"], self.fields["expires"] = True, time + self.fields["watchdog"]
-        return data
+    def obey(self, call: Call, data: int, time: float) -> int:
+        """Carry out a call at `time` [s]; return the data of the response, or NONE."""
+        extended = self.profile.id2
+        match call:
+            case Call.DATA_EXCHANGE:
+                self.rest(time)
+                return int(exchange(self.states, self.place, data, time))
+            case Call.WRITE_PARAMETER if self.address:
+                self.rest(time)
+                self.parameter = data
+                self.fields["active"], self.fields["expires"] = True, time + self.fields["watchdog"]
+                return data
+            case Call.ASSIGN_ADDRESS if self.address == 0 and not self._stores(time):
+                self.address = data
+                self._store(data, self.id1, time)
+                return Answer.DONE
+            case Call.WRITE_ID1 if extended is not None and self.address == 0:
+                if self._stores(time):
+                    return NONE
+                # The slave stays at address 0, and its stored address does not change.
+                self._store(self._stored[0], data, time)
+                return Answer.ERASED
+            case Call.DELETE_ADDRESS if self.address and not self._stores(time):
+                self.address = 0
+                self.fields["active"], self.fields["expires"] = False, inf
+                return Answer.ERASED
+            case Call.RESET | Call.BROADCAST_RESET:
+                self._settle()
+                return Answer.DONE if call is Call.RESET else NONE
+            case Call.READ_IO_CONFIGURATION:
+                return self.profile.io
+            case Call.READ_ID:
+                return self.profile.id
+            case Call.READ_ID1 | Call.READ_ID2 if extended is not None:
+                return self.id1 if call is Call.READ_ID1 else extended
+            case Call.READ_STATUS:
+                return self.status(time)
+        return NONE  # manufacturers lock the program mode, so no slave enters it
 
     def _stores(self, time: float) -> bool:
         return time < self._writing_until
@@ -440,51 +466,3 @@ class RunningSlave:
         self._stored, self.id1 = (address, id1), id1
         self.kind = self._kind()
         self._writing_until = time + WRITE_TIME
-
-    def _assign(self, data: int, time: float) -> int:
-        if self.address != 0 or self._stores(time):
-            return NONE
-        self.address = data
-        self._store(data, self.id1, time)
-        return Answer.DONE
-
-    def _write_id1(self, data: int, time: float) -> int:
-        if self.profile.id2 is None or self.address != 0 or self._stores(time):
-            return NONE
-        # The slave stays at address 0, and its stored address does not change.
-        self._store(self._stored[0], data, time)
-        return Answer.ERASED
-
-    def _delete(self, data: int, time: float) -> int:
-        if self.address == 0 or self._stores(time):
-            return NONE
-        self.address = 0
-        self.fields["active"], self.fields["expires"] = False, inf
-        return Answer.ERASED
-
-    def _reset(self, data: int, time: float) -> int:
-        self._settle()
-        return Answer.DONE
-
-    def _broadcast(self, data: int, time: float) -> int:
-        self._settle()
-        return NONE
-
-
-#: Functions that carry out the calls, in the order of `Call`, given the slave, data and time [s].
-#: Manufacturers lock the program mode, so no slave enters it.
-OBEY: tuple[Callable[[RunningSlave, int, float], int], ...] = (
-    RunningSlave.exchange,
-    RunningSlave._write_parameter,
-    RunningSlave._assign,
-    RunningSlave._write_id1,
-    RunningSlave._delete,
-    RunningSlave._reset,
-    lambda slave, data, time: slave.profile.io,
-    lambda slave, data, time: slave.profile.id,
-    lambda slave, data, time: NONE if slave.profile.id2 is None else slave.id1,
-    lambda slave, data, time: NONE if slave.profile.id2 is None else slave.profile.id2,
-    lambda slave, data, time: slave.status(time),
-    RunningSlave._broadcast,
-    lambda slave, data, time: NONE,
-)
