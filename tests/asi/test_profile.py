@@ -3,7 +3,11 @@ import itertools
 import pytest
 
 from shipnet.asi import Profile
-from shipnet.asi.profile import IO_CONFIGURATIONS, describe_io_configuration, describe_status
+from shipnet.asi.profile import (
+    IO_CONFIGURATIONS,
+    describe_io_configuration,
+    describe_status,
+)
 from shipnet.errors import ArgumentError
 
 
@@ -38,6 +42,10 @@ def test_profiles_are_parsed_from_their_text():
         profile = Profile(*codes)
         assert Profile.parse(str(profile)) == profile
         assert profile.extended == (codes[1] == 10)
+
+
+def test_only_id_code_a_shares_its_address():
+    assert [code for code in range(16) if Profile(7, code).extended] == [0xA]
 
 
 @pytest.mark.parametrize("text", ["", "7.A.E", "S-7", "S-G.A", "S-7.A.E.0", "S-7.A.", "S-77.A"])
