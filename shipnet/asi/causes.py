@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from shipnet.arrays import Complexes, Floats, Integers
+from shipnet.arrays import Floats, Integers
 from shipnet.asi.bursts import Sampling, find_telegrams, resample
 from shipnet.asi.modulation import Modulation
 from shipnet.asi.receiver import receive
@@ -155,7 +154,9 @@ def restored(
 
 
 def measured(part: Restored) -> Impedance | None:
-    """Return the impedance at the master, or None if fewer than 3 requests can be read."""
+    r"""Fit :math:`1/Z = 1/R + 1/sL + sC` to three or more requests; None if fewer are read."""
+    from scipy.optimize import nnls
+
     begin = part.start - part.since - _BEFORE
     inside = np.flatnonzero((begin > 0) & (begin < len(part.x) * part.step - _WINDOW))
     if len(inside) < _FEWEST:
@@ -167,14 +168,7 @@ def measured(part: Restored) -> Impedance | None:
     rows -= np.median(rows[:, t < 0.6 * _BEFORE], axis=1, keepdims=True)
     spectra = rows @ np.exp(-np.outer(t, s)) * part.step
     bits = np.array([[int(bit) for bit in f"{part.words[k]:0{REQUEST_BITS}b}"] for k in some])
-    sent = -s * Modulation(bits).transform(s, start=_BEFORE)
-    return _fitted(s, -sent if part.inverted else sent, spectra)
-
-
-def _fitted(s: npt.NDArray[Any], sent: Complexes, spectra: Complexes) -> Impedance:
-    r"""Fit :math:`1/Z = 1/R + 1/sL + sC` to the spectra of the voltage and the current's slope."""
-    from scipy.optimize import nnls
-
+    sent = (s if part.inverted else -s) * Modulation(bits).transform(s, start=_BEFORE)
     power = (np.abs(sent) ** 2).sum(0)
     cross = (spectra * sent.conj()).sum(0)
     z = cross / power

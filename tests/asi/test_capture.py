@@ -349,19 +349,6 @@ def test_pieces_do_not_change_the_result(monkeypatch):
     )
 
 
-def test_extended_addresses_name_a_and_b_slaves():
-    halves = [Request.data_exchange(3, 5, "A"), Request.data_exchange(3, 5, "B")]
-    telegrams = []
-    for k, request in enumerate(halves):
-        telegrams += [(20e-6 + k * 26 * BIT, request.bits, 60e-3)]
-        telegrams += [(20e-6 + (k * 26 + 17) * BIT, request.answer(6).bits, 60e-3)]
-    u = line(telegrams, 340e-6, 10e6)
-    capture = decode(u, 1e-7, extended=[3])
-    assert capture.transactions["half"].tolist() == ["A", "B"]
-    assert capture.summary().seen == ["3A", "3B"]
-    assert decode(u, 1e-7).transactions["request_data"].tolist() == [0xD, 0x5]
-
-
 def test_calls_without_answer_and_without_meaning():
     telegrams = [
         (20e-6, Request(Call.BROADCAST_RESET, 31).bits, 60e-3),

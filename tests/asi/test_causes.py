@@ -421,15 +421,6 @@ def test_a_dead_slave_violates_a_rule_and_is_named():
     assert causes["evidence"].iloc[0].startswith("none of its 6 data exchanges has a response")
 
 
-def test_decode_of_a_dead_slave_ends_with_exit_code_1(tmp_path, capsys):
-    path = tmp_path / "dead.csv"
-    dead("3", duration=5e-3).save(path)
-    assert main(["decode", str(path)]) == 1
-    said = capsys.readouterr().out
-    assert "probable cause 1: silent slave 3; none of its" in said
-    assert f"{RULE}: 6 at slave 3" in said
-
-
 def test_a_slave_that_stops_responding():
     capture = decode(joined(dead(), dead("3")))
     assert silences(capture)["slave 3"] == ("violated", 6.0)
@@ -491,14 +482,6 @@ def test_bad_arguments_of_a_record_are_named(options, message):
 def test_a_line_without_slaves_has_no_record():
     with pytest.raises(ArgumentError, match="needs a master and a slave"):
         asi.line(60).record()
-
-
-def test_addresses_where_the_master_looks_for_new_slaves_are_not_missing():
-    summary = decode(asi.line(60, slaves=3).record(10e-3, rng=1)).summary()
-    assert summary.seen == ["1", "2", "3"]
-    assert summary.missing == []
-    assert summary.vacant[:3] == ["0", "4", "4B"]
-    assert summary.slaves.index.tolist() == ["1", "2", "3"]
 
 
 def test_bad_requests_leave_the_cycle_and_the_slaves():

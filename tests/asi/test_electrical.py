@@ -169,10 +169,3 @@ def test_segments_without_listeners_or_without_a_head():
     headless = Plan([CableRun("a", "b", 10)], slaves=[Slave("1", node="b")])
     with pytest.raises(ArgumentError, match="segment at a has no head"):
         signals_of(headless.segments)
-
-
-def test_slaves_at_one_node_hear_the_same_in_any_order():
-    twice = signals_of([line(100, [80, 80, 5]).segments[0]])[0]
-    assert twice.level_least[0] == twice.level_least[1] > twice.level_least[2]
-    turned = signals_of([line(100, [5, 80, 80]).segments[0]])[0]
-    assert turned.level_least.tolist() == twice.level_least[::-1].tolist()

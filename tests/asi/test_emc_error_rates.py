@@ -396,20 +396,6 @@ def test_an_endless_packet_agrees_with_the_closed_form(monkeypatch):
     assert table.loc[6, "per_packet"] == pytest.approx(drops, rel=0.03)
 
 
-def test_certain_failure_and_none(monkeypatch):
-    assert not burst_failures(0, rng(), 100)["series"].any()
-    # A cycle of one slave has four slots of 156 us, two of them tries: 3 ms contain four cycles and
-    # drop it once or more. A cycle of 31 slaves takes 10 ms when all tries are repeated.
-    assert burst_failures(1, rng(), 500, slaves=31)["series"].iloc[-1] == 0
-    monkeypatch.setattr(error_rates, "PACKET_LENGTH", 3e-3)
-    assert burst_failures(1, rng(), 500, slaves=1)["series"].iloc[-1] >= 500
-    # A packet of length 0 still hits the exchange under way: one of 31 slots in 33.
-    monkeypatch.setattr(error_rates, "PACKET_LENGTH", 0.0)
-    point = burst_failures(1, rng(), 4000, slaves=31)
-    assert point["per_packet"][0] == pytest.approx(31 / 33, abs=0.02)
-    assert not point["series"][1:].any()
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [
