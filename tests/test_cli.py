@@ -72,13 +72,17 @@ def test_ledger_prints_every_claim_of_the_paper(capsys):
     assert row.split()[1:5] == ["0.7", "7.368", "model", "erratum"]
     assert row.endswith("[%] -> 7.4 %")
     assert "*: holds under the condition" in out and "agrees* " in out
+    (quoted,) = [line for line in out.splitlines() if line.startswith("kim2023-010")]
+    assert quoted.split()[1:3] == ["100", "context"]
 
 
 def test_summary_counts_only(capsys):
     assert main(["ledger", "--summary"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    kinds = "model arithmetic count ours erratum context not verified not reproducible open claims"
-    assert lines[0].split() == kinds.split()
+    assert lines[0].split() == [
+        "model", "arithmetic", "count", "ours", "erratum", "context", "not", "verified", "not",
+        "reproducible", "open", "claims",
+    ]  # fmt: skip
     assert len(lines) == 2 + 5
 
 
