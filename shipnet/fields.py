@@ -133,6 +133,11 @@ class Words(NamedTuple):
     help: str
 
 
+#: What explains a field, and the range of its slider.
+Help: TypeAlias = str | Words
+Ends: TypeAlias = tuple[float, float] | None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Kind:
     """Base class of all kinds of fields; `optional` makes None legal."""
@@ -268,7 +273,7 @@ class Part(Kind):
         return check_kind(name, value, self.of)
 
 
-def _declare(kind: type[Kind], help: str | Words, **options: Any) -> Any:
+def _declare(kind: type[Kind], help: Help, **options: Any) -> Any:
     """Declare a field; `options` are attributes of its kind or arguments of a dataclass field."""
     names = options.keys() & {"default", "default_factory", "kw_only"}
     of_field = {name: options.pop(name) for name in names}
@@ -277,12 +282,7 @@ def _declare(kind: type[Kind], help: str | Words, **options: Any) -> Any:
 
 
 def number(
-    low: float,
-    high: float,
-    unit: str = "",
-    help: str | Words = "",
-    slider: tuple[float, float] | None = None,
-    **options: Any,
+    low: float, high: float, unit: str = "", help: Help = "", slider: Ends = None, **options: Any
 ) -> Any:
     """Declare a `Number` from `low` to `high`; `slider` is the range of its slider."""
     shown = slider or (low, high)
@@ -290,38 +290,31 @@ def number(
 
 
 def whole(
-    low: int,
-    high: int,
-    unit: str = "",
-    help: str | Words = "",
-    slider: tuple[int, int] | None = None,
-    **options: Any,
+    low: int, high: int, unit: str = "", help: Help = "", slider: Ends = None, **options: Any
 ) -> Any:
     """Declare a `Whole` number from `low` to `high`; `slider` is the range of its slider."""
     shown = slider or (low, high)
     return _declare(Whole, help, low=low, high=high, unit=unit, shown=shown, **options)
 
 
-def choice(
-    options: Mapping[Any, str] | Iterable[Any], help: str | Words = "", **others: Any
-) -> Any:
+def choice(options: Mapping[Any, str] | Iterable[Any], help: Help = "", **others: Any) -> Any:
     """Declare a `Choice` of several values; a mapping gives the text shown for each."""
     if not isinstance(options, Mapping):
         options = {value: str(value) for value in options}
     return _declare(Choice, help, options=options, **others)
 
 
-def switch(help: str | Words = "", **options: Any) -> Any:
+def switch(help: Help = "", **options: Any) -> Any:
     """Declare a field that is True or False."""
     return _declare(Switch, help, **options)
 
 
-def text(help: str | Words = "", **options: Any) -> Any:
+def text(help: Help = "", **options: Any) -> Any:
     """Declare `Text`."""
     return _declare(Text, help, **options)
 
 
-def part(of: type, help: str | Words = "", **options: Any) -> Any:
+def part(of: type, help: Help = "", **options: Any) -> Any:
     """Declare a `Part`: an object of the class `of`."""
     return _declare(Part, help, of=of, **options)
 
