@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, isfinite, isnan
@@ -164,22 +165,37 @@ class Term:
         return Interval(low, high, a > -inf, d < inf)
 
     def membership(self, x: npt.ArrayLike) -> Floats:
-        """Return the degree of membership of each value, 0..1, by `skfuzzy.trapmf`; 0 for NaN."""
-        # Importing scikit-fuzzy takes 0.4 s, so firing a rule base does not require it.
-        from skfuzzy.membership import trapmf
+        """Return the degree of membership of each value, 0..1; 0 for NaN."""
+        _, b, c, _ = self.corners
+        # Beyond an open shoulder, a value counts as the other end of the shoulder.
+        low, high = (c if b == -inf else -inf), (b if c == inf else inf)
+        within = np.clip(np.asarray(x, dtype=float), low, high)
+        degree = trapezoid(within, *sloping(self.corners, low, high))
+        return np.where(np.isnan(within), 0.0, degree)
 
-        values = np.asarray(x, dtype=float)
-        a, b, c, d = self.corners
-        # trapmf has no open shoulders, so clip the values to the shoulder on the closed side.
-        if a == -inf:
-            a = b = c
-            values = np.maximum(values, c)
-        if d == inf:
-            c = d = b
-            values = np.minimum(values, b)
-        # trapmf accepts one axis only and gives NaN full membership.
-        degree = trapmf(values.reshape(-1), [a, b, c, d]).reshape(values.shape)
-        return np.where(np.isnan(values), 0.0, degree)
+
+def trapezoid(
+    x: Floats, a: npt.ArrayLike, b: npt.ArrayLike, c: npt.ArrayLike, d: npt.ArrayLike
+) -> Floats:
+    """Return the membership of each value: it rises from a to b and falls from c to d."""
+    rising = (x.clip(a, b) - a) / np.subtract(b, a)
+    falling = (d - x.clip(c, d)) / np.subtract(d, c)
+    return np.asarray(np.minimum(rising, falling))
+
+
+def sloping(corners: Sequence[float], low: float, high: float) -> tuple[float, ...]:
+    """Return the corners of a trapezoid without steps that has the same memberships in low..high.
+
+    The sides of a step become neighbouring numbers, and an open shoulder begins at low or high.
+    """
+    a, b, c, d = corners
+    if a == b:
+        b = max(b, low)
+        a = float(np.nextafter(b, -inf))
+    if c == d:
+        c = min(c, high)
+        d = float(np.nextafter(c, inf))
+    return a, b, c, d
 
 
 @dataclass(frozen=True, slots=True)

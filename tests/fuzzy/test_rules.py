@@ -63,10 +63,6 @@ def test_the_assumed_terms_compare_as_the_table_prints(base, printed):
             assert str(term.crisp) == part.replace(variable.name, "x")
 
 
-def test_the_ramps_name_their_numbers(base):
-    assert repr(base.ramps) == "Ramps(13 ramps of 12 rules)"
-
-
 def test_the_assumed_ramps_are_a_half_at_the_printed_limit_or_have_a_stated_reason(base):
     moved = {
         f"{variable.name}.{term.name}"
