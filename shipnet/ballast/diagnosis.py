@@ -152,9 +152,17 @@ class Run:
         ax = style.axes(ax)
         frame = self.valve(valve)
         ax.fill_between(
-            frame.index, 0, 1, where=frame["running"].to_numpy(), color="0.92", zorder=0,
-            step="post", linewidth=0, label="motor runs", transform=ax.get_xaxis_transform(),
-        )  # fmt: skip
+            frame.index,
+            0,
+            1,
+            where=frame["running"].to_numpy(),
+            color="0.92",
+            zorder=0,
+            step="post",
+            linewidth=0,
+            label="motor runs",
+            transform=ax.get_xaxis_transform(),
+        )
         looks = ("C0-", "C1--", "C2-.", "C3:", "C4-")
         for look, channel in zip(looks, CHANNELS, strict=True):
             full = _FULL[channel.name]
@@ -399,9 +407,10 @@ class Diagnosis:
         others = f", also {', '.join(found[1:])}" if found[1:] else ""
         (top,) = base.top_codes(active[np.newaxis], self.open[:, self._place(valve)].any())
         ax.set_title(
-            f"diagnosis of valve {valve}: {top}{others}", loc="left",
+            f"diagnosis of valve {valve}: {top}{others}",
+            loc="left",
             color="C2" if top == NORMAL else style.LIMIT["color"],
-        )  # fmt: skip
+        )
         return ax
 
     @property

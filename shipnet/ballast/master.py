@@ -39,9 +39,14 @@ STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open"
 
 #: Colour of each state on the screen, in the order of the legend.
 STATE_COLOURS = {
-    "open": "C2", "closed": "C0", "part open": "C9", "moving": "C1",
-    "fault": style.LIMIT["color"], "silent": "0.35", "not seen": "0.8",
-}  # fmt: skip
+    "open": "C2",
+    "closed": "C0",
+    "part open": "C9",
+    "moving": "C1",
+    "fault": style.LIMIT["color"],
+    "silent": "0.35",
+    "not seen": "0.8",
+}
 
 #: Hatches of states that an operator must notice even without colours.
 _HATCHES = {"fault": "xxxx", "silent": "...."}
@@ -117,13 +122,19 @@ class Screen:
         position = rows["VPos_percent"].to_numpy()
         fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
         conditions = [
-            silent, np.isnan(position), fault > 0, rows["MC_A"].to_numpy() >= LEAST_CURRENT,
-            position >= 100 - _END, position <= _END,
-        ]  # fmt: skip
+            silent,
+            np.isnan(position),
+            fault > 0,
+            rows["MC_A"].to_numpy() >= LEAST_CURRENT,
+            position >= 100 - _END,
+            position <= _END,
+        ]
         columns = {
-            "position_percent": position, "age_s": age, "fault": fault,
+            "position_percent": position,
+            "age_s": age,
+            "fault": fault,
             "state": np.select(conditions, STATES[:-1], STATES[-1]),
-        }  # fmt: skip
+        }
         index = pd.RangeIndex(1, position.size + 1, name="valve")
         return cls(pd.DataFrame(columns, index=index), time)
 
@@ -158,9 +169,15 @@ class Screen:
         position, framed = self.shown["position_percent"].to_numpy(float), units == selected
         states = self.shown["state"].tolist()
         ax.bar(
-            x, 0.62, 0.84, y, color="0.94", edgecolor="0.6", linewidth=0.5,
+            x,
+            0.62,
+            0.84,
+            y,
+            color="0.94",
+            edgecolor="0.6",
+            linewidth=0.5,
             hatch=[_HATCHES.get(state, "") for state in states],
-        )  # fmt: skip
+        )
         part = 0.62 * np.clip(np.nan_to_num(position), 0, 100) / 100
         # A closed valve still shows a strip of colour.
         ax.bar(x, np.maximum(part, 0.05), 0.84, y, color=[STATE_COLOURS[state] for state in states])
@@ -182,9 +199,13 @@ class Screen:
         present = [state for state in STATE_COLOURS if state in states]
         for state in present:
             ax.fill_between(
-                [], [], facecolor=STATE_COLOURS[state], edgecolor="0.9",
-                hatch=_HATCHES.get(state), label=state,
-            )  # fmt: skip
+                [],
+                [],
+                facecolor=STATE_COLOURS[state],
+                edgecolor="0.9",
+                hatch=_HATCHES.get(state),
+                label=state,
+            )
         ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=len(present))
         return ax
 
@@ -337,9 +358,14 @@ class Station(Master):
     def seen(self) -> MasterRun:
         """The run so far, from the statuses that the master received."""
         return MasterRun(
-            self.n, self.rule.poll, self.registers, self.time, list(self.shown),
-            list(self.writes), list(self.tries),
-        )  # fmt: skip
+            self.n,
+            self.rule.poll,
+            self.registers,
+            self.time,
+            list(self.shown),
+            list(self.writes),
+            list(self.tries),
+        )
 
     def run_until(self, time: float) -> None:
         """Continue the scan; the last transaction that begins before `time` is completed."""

@@ -24,7 +24,7 @@ from shipnet.ballast.actuator import (
     losses,
     motor_current,
     steady_temperature,
-)  # fmt: skip
+)
 from shipnet.ballast.registers import check_action
 from shipnet.ballast.scan import System, as_system
 from shipnet.ballast.sensors import CHANNELS
@@ -39,7 +39,7 @@ from shipnet.fields import (
     choice,
     number,
     record,
-)  # fmt: skip
+)
 
 #: The commands other than a position.
 ACTIONS = ("open", "close", "stop")
@@ -208,9 +208,13 @@ class Fault(TimedFault):
 
     code: str = choice(tuple(FAULTS), "Code in the rule table")
     severity: float | Floats = number(
-        0, 1, "", "0 is healthy; an array has one value for each of `valves`", default=1.0,
+        0,
+        1,
+        "",
+        "0 is healthy; an array has one value for each of `valves`",
+        default=1.0,
         many=True,
-    )  # fmt: skip
+    )
     valves: int | Iterable[int] | None = None
 
     def __post_init__(self) -> None:

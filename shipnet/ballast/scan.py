@@ -88,9 +88,12 @@ class System:
     """
 
     n_valves: int = whole(
-        1, 10_000, help="Number of valves; if omitted, that of `actuator`, or 1",
-        default=None, optional=True,
-    )  # fmt: skip
+        1,
+        10_000,
+        help="Number of valves; if omitted, that of `actuator`, or 1",
+        default=None,
+        optional=True,
+    )
     poll: Poll | None = None
     _: KW_ONLY
     actuator: Actuator = field(default_factory=Actuator)
@@ -100,12 +103,17 @@ class System:
     move: Literal["slave", "downstream"] = choice(
         ("slave", "downstream"),
         "Slaves that the master moves to its other port when a slave does not respond: that "
-        "slave only, or also all slaves downstream of it", default="slave",
-    )  # fmt: skip
+        "slave only, or also all slaves downstream of it",
+        default="slave",
+    )
     watchdog: float | None = number(
-        0.1, 3600, "s", "Time without a request after which a motor stops; no limit if omitted",
-        default=None, optional=True,
-    )  # fmt: skip
+        0.1,
+        3600,
+        "s",
+        "Time without a request after which a motor stops; no limit if omitted",
+        default=None,
+        optional=True,
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -54,9 +54,6 @@ def stroke_speed(speed: Floats, ran: npt.ArrayLike) -> Floats:
     return np.where(np.asarray(ran) >= WINDOW - 1e-9, speed, np.nan)
 
 
-_NAMES = tuple(channel.name for channel in CHANNELS)
-
-
 @record
 class Sensors:
     """The sensors of a slave, in the order and the units of `CHANNELS`: FP, OP, MC, OT, VPos.
@@ -88,17 +85,19 @@ class Sensors:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for name in ("low", "high", "noise"):
-            values: Any = getattr(self, name)
+        names = [channel.name for channel in CHANNELS]
+        for field in ("low", "high", "noise"):
+            values: Any = getattr(self, field)
             try:
                 five = tuple(float(value) for value in values)
             except (TypeError, ValueError):
                 five = ()
-            if len(five) != 5 or any(value != value for value in five):
-                names = ", ".join(_NAMES)
-                raise ArgumentError(f"{name} is {values!r}; it must be five numbers, {names}")
-            object.__setattr__(self, name, five)
-        for name, low, high, noise in zip(_NAMES, self.low, self.high, self.noise, strict=True):
+            if len(five) != 5 or np.isnan(five).any():
+                raise ArgumentError(
+                    f"{field} is {values!r}; it must be five numbers, {', '.join(names)}"
+                )
+            object.__setattr__(self, field, five)
+        for name, low, high, noise in zip(names, self.low, self.high, self.noise, strict=True):
             if not low < high:
                 raise ArgumentError(f"scale of {name} is {low:g}..{high:g}; low must be below high")
             if not 0 <= noise < np.inf:

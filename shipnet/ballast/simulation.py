@@ -156,6 +156,12 @@ def record(
         before, since = places[-window:], instants[-window:]
         movements, plant.movements = tuple(plant.movements), []
         yield Run(
-            time[:row], readings[:row], speed, ran[:row], moving[:row], active[:row],
-            opening[:row], movements,
-        )  # fmt: skip
+            time[:row],
+            readings[:row],
+            speed,
+            ran[:row],
+            moving[:row],
+            active[:row],
+            opening[:row],
+            movements,
+        )

@@ -27,9 +27,14 @@ from shipnet.line.scope_file import read_arrays
 #: Channels of a point, in counts of the converter. Accelerations are given by their standard
 #: deviations within the point, times ten.
 CHANNELS = (
-    "angle", "pressure_1", "pressure_2", "pressure_3",
-    "accel_1_std_x10", "accel_2_std_x10", "accel_3_std_x10",
-)  # fmt: skip
+    "angle",
+    "pressure_1",
+    "pressure_2",
+    "pressure_3",
+    "accel_1_std_x10",
+    "accel_2_std_x10",
+    "accel_3_std_x10",
+)
 
 #: The condition of a healthy actuator.
 HEALTHY = "healthy"
@@ -202,10 +207,7 @@ class Strokes:
         return RuleBase(tuple(variables), tuple(rules))
 
     def scores(
-        self,
-        reference: Strokes | None = None,
-        *,
-        judges: Mapping[str, Judge] | None = None,
+        self, reference: Strokes | None = None, *, judges: Mapping[str, Judge] | None = None
     ) -> pd.DataFrame:
         """Return how many strokes of each actuator are reported by rules fitted without it.
 

@@ -217,8 +217,12 @@ def fault_trials(
     runs = blocks(
         spread_valves(faults.size, generator),
         [Command("open", _OPEN), Command("close", _CLOSE)],
-        faults=plan, until=_END, idle_step=0.5, rng=generator, size=_BLOCK,
-    )  # fmt: skip
+        faults=plan,
+        until=_END,
+        idle_step=0.5,
+        rng=generator,
+        size=_BLOCK,
+    )
     for block in _diagnosed(runs, asked):
         for method, found in block.items():
             active[method] |= found.active.any(axis=0)
@@ -337,21 +341,35 @@ def false_alarms(
     share = share_interval(hits, np.full(hits.shape, commands))
     rate = event_interval(seen, years)
     columns = {
-        "commands": commands, "alarmed": hits, "per_command": hits / commands,
-        "per_command_low": share[0], "per_command_high": share[1], "valve_years": years,
-        "alarms": seen, "per_valve_year": seen / years, "per_valve_year_low": rate[0],
+        "commands": commands,
+        "alarmed": hits,
+        "per_command": hits / commands,
+        "per_command_low": share[0],
+        "per_command_high": share[1],
+        "valve_years": years,
+        "alarms": seen,
+        "per_valve_year": seen / years,
+        "per_valve_year_low": rate[0],
         "per_valve_year_high": rate[1],
         "false_detection_rate": [reported[method] / (valves * last) for method in wanted],
-    }  # fmt: skip
+    }
     return pd.DataFrame(columns, index=pd.Index(wanted, name="method"))
 
 
 #: Columns of `FleetReport.faults`, and their types.
 _FAULT_COLUMNS = {
-    "valve": np.int64, "code": object, "severity": float, "start_s": float, "top_fault": object,
-    "named": bool, "detection_time_s": float, "isolation_time_s": float,
-    "true_detection_rate": float, "command_s": float, "after_command_s": float,
-}  # fmt: skip
+    "valve": np.int64,
+    "code": object,
+    "severity": float,
+    "start_s": float,
+    "top_fault": object,
+    "named": bool,
+    "detection_time_s": float,
+    "isolation_time_s": float,
+    "true_detection_rate": float,
+    "command_s": float,
+    "after_command_s": float,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -416,13 +434,19 @@ class FleetReport:
                 seen = self._reported(fault.start, end, shown)
                 rows.append(
                     (
-                        valve + 1, fault.code, severities[valve], fault.start,
-                        [*mine["top_fault"], ""][0], fault.code in mine["code"].tolist(),
-                        alarm - fault.start, own["time_s"].min() - fault.start,
+                        valve + 1,
+                        fault.code,
+                        severities[valve],
+                        fault.start,
+                        [*mine["top_fault"], ""][0],
+                        fault.code in mine["code"].tolist(),
+                        alarm - fault.start,
+                        own["time_s"].min() - fault.start,
                         seen / (end - fault.start) if end > fault.start else np.nan,
-                        command, alarm - command,
+                        command,
+                        alarm - command,
                     )
-                )  # fmt: skip
+                )
         # An empty table must have the same column types.
         return pd.DataFrame(rows, columns=list(_FAULT_COLUMNS)).astype(_FAULT_COLUMNS)
 
@@ -446,12 +470,14 @@ class FleetReport:
         """Return counts, median times and indices per code; ``true_detection_rate`` is a mean."""
         groups = self.faults().groupby("code", sort=False)
         table: pd.DataFrame = groups.agg(
-            faults=("code", "size"), detected=("detection_time_s", "count"),
-            named=("named", "sum"), isolated=("isolation_time_s", "count"),
+            faults=("code", "size"),
+            detected=("detection_time_s", "count"),
+            named=("named", "sum"),
+            isolated=("isolation_time_s", "count"),
             detection_time_s=("detection_time_s", "median"),
             isolation_time_s=("isolation_time_s", "median"),
             true_detection_rate=("true_detection_rate", "mean"),
-        )  # fmt: skip
+        )
         table["isolability"] = table["isolated"] / table["detected"].where(table["detected"] > 0)
         found = self.faults().dropna(subset="detection_time_s")
         table["sensitivity"] = found.groupby("code")["severity"].min()
@@ -487,9 +513,13 @@ class FleetReport:
             names.append(f"{code}, valve {valve}")
             moved = commands.loc[commands["valve"] == valve, "start_s"] / hour
             ax.plot(
-                moved, np.full(len(moved), row), "|", color="0.55", markersize=11,
+                moved,
+                np.full(len(moved), row),
+                "|",
+                color="0.55",
+                markersize=11,
                 label="_" if row else "valve is moved",
-            )  # fmt: skip
+            )
         red = style.LIMIT["color"]
         ax.hlines(rows, start / hour, known / hour, color=red, linewidth=3, label="unknown")
         ax.plot(start / hour, rows, "o", color=red, markersize=5, label="fault appears")

@@ -244,16 +244,27 @@ class Prediction:
             low, high = trend.band(grid)
             ax.plot(grid, trend.at(grid), color="C2", label="trend")
             ax.fill_between(
-                grid, low, high, color="C2", alpha=0.25, linewidth=0,
+                grid,
+                low,
+                high,
+                color="C2",
+                alpha=0.25,
+                linewidth=0,
                 label=f"{100 * CONFIDENCE:g} % interval",
-            )  # fmt: skip
+            )
             ax.set_xlim(0, stop)
             if found.estimate <= stop:
                 ends = np.array([[found.estimate - found.low], [found.high - found.estimate]])
                 ax.errorbar(
-                    [found.estimate], [limit], xerr=np.clip(ends, 0, stop), fmt="o", color="C2",
-                    capsize=4, markersize=5, label="end of life",
-                )  # fmt: skip
+                    [found.estimate],
+                    [limit],
+                    xerr=np.clip(ends, 0, stop),
+                    fmt="o",
+                    color="C2",
+                    capsize=4,
+                    markersize=5,
+                    label="end of life",
+                )
         else:
             ax.plot([], [], " ", label="no trend")
         if trend.logarithmic:

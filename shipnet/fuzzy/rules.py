@@ -144,11 +144,7 @@ class RuleBase:
         return {v.name: generator.uniform(v.low, v.high, size) for v in self.variables}
 
     def fire(
-        self,
-        samples: Samples,
-        method: str = "fuzzy",
-        *,
-        applies: Samples | None = None,
+        self, samples: Samples, method: str = "fuzzy", *, applies: Samples | None = None
     ) -> Firing:
         """Return the firing strength of every rule for every sample.
 

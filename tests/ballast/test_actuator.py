@@ -150,9 +150,7 @@ def test_viscous_friction_explains_the_difference_with_a_leaking_piston():
 
     def far(actuator):
         run = simulate(
-            System(actuator=actuator, sensors=IDEAL, step=0.5),
-            [Command("open")],
-            until=12,
+            System(actuator=actuator, sensors=IDEAL, step=0.5), [Command("open")], until=12
         )
         return np.abs(ode.opening - run.opening[:, 0]).max()
 

@@ -6,7 +6,7 @@ import pytest
 
 from shipnet.ballast.diagnosis import Recorder, diagnose_run
 from shipnet.ballast.live import TestBed as Bed
-from shipnet.ballast.live import _diagnosis_of, _manual, _remote, acceptance_tests
+from shipnet.ballast.live import _diagnosis, _manual, _remote, acceptance_tests
 from shipnet.ballast.plant import FAULTS, Command, Plant
 from shipnet.ballast.simulation import simulate
 from shipnet.errors import ArgumentError
@@ -39,7 +39,7 @@ def test_a_slave_that_finds_nothing_or_reports_another_row_does_not_pass(monkeyp
     for wrong, left in ((0, None), (8, "O1")):
         monkeypatch.setattr("shipnet.ballast.slave.Monitor.row", lambda *_, row=wrong: row)
         for code in (None, "V1", "O1"):
-            _, screen = _diagnosis_of(Bed, code)
+            _, screen = _diagnosis(Bed, code)
             assert screen.passed == (code == left)
 
 

@@ -152,10 +152,7 @@ def test_the_scan_gap_of_a_command_has_the_closed_form(n):
 
 
 def test_position_codes_depend_on_the_position_shown():
-    orders = [
-        Command(60, 1.0, valves=1),
-        Command(20, 10.0, valves=1),
-    ]
+    orders = [Command(60, 1.0, valves=1), Command(20, 10.0, valves=1)]
     valves = plant(2)
     run = operate(valves, orders, until=20)
     assert run.commands["value"].tolist() == [f"0x{60:02X}0A", f"0x{20:02X}06"]

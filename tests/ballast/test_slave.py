@@ -134,7 +134,7 @@ def test_a_slave_reports_its_fault_and_clipped_readings():
 @pytest.mark.parametrize(("code", "row"), [("Pos1", 9), ("Pos2", 10), ("Pos3", 6), ("Pos4", 7)])
 def test_the_four_faults_of_the_position_are_found_by_the_slave(code, row):
     slaves = valve_slaves(
-        Plant(System(3, opening=float(code in ("Pos1", "Pos3"))), [Fault(code, valves=2)]),
+        Plant(System(3, opening=float(code in ("Pos1", "Pos3"))), [Fault(code, valves=2)])
     )
     device = slaves[2].device
     # Pos1 and Pos2 need a pressure that is trapped only by a stroke.

@@ -5,12 +5,7 @@ import pytest
 from shipnet.ballast.diagnosis import diagnose_run
 from shipnet.ballast.plant import FAULTS, Command, Fault
 from shipnet.ballast.simulation import simulate
-from shipnet.ballast.trials import (
-    BASIS,
-    false_alarms,
-    fault_trials,
-    spread_valves,
-)
+from shipnet.ballast.trials import BASIS, false_alarms, fault_trials, spread_valves
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.firing import METHODS
 

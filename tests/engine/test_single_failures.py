@@ -160,8 +160,7 @@ def test_no_phases_of_clocks_and_faults_exceed_the_bounds(system, lasts, seed, d
 @settings(max_examples=15)
 @given(
     kinds=st.lists(
-        st.sampled_from([BusOff, CanBreak, ModbusBreak, DeadBox, DeadPort, *LOSSES]),
-        max_size=3,
+        st.sampled_from([BusOff, CanBreak, ModbusBreak, DeadBox, DeadPort, *LOSSES]), max_size=3
     ),
     seed=st.integers(0, 10**6),
 )
