@@ -104,6 +104,12 @@ def test_which_rules_fire_on_a_nested_vector():
     assert table["S1"] == "S1 Pos3" and table["normal"] == ""
 
 
+def test_a_start_position_of_0_or_100_makes_no_difference():
+    tests = rule_vectors(fill="normal")
+    moved = tests.assign(VPos=tests["VPos"].replace(100, 0))
+    pd.testing.assert_frame_equal(BASE.check(moved), BASE.check(tests))
+
+
 def test_the_normal_values_fire_v2_once_the_valve_has_stopped():
     tests = rule_vectors().loc[["normal"]].assign(DVPos=0)
     for crisp in (True, False):

@@ -43,6 +43,8 @@ def test_the_assumed_rules_are_the_rows_of_the_table(base, printed):
     # The table's DV is the signal that the paper calls DVPos.
     assert rows["terms"].str.replace("DV.", "DVPos.").tolist() == [r.text for r in base.rules]
     assert rows["flag_corrected"].tolist() == [rule.flag for rule in base.rules]
+    # The special is reported before the general.
+    assert " ".join(base.ranking) == "G1 P1 V1 P2 V2 Pos1 Pos2 S1 S2 Pos3 Pos4 O1"
     assert [rule.english.split(" (")[0] for rule in base.rules[:8]] == [
         "pressure gauge fault",
         "pump overload",
