@@ -33,7 +33,7 @@ def assert_same(system, duration, faults, phases):
     )
     expected = run_reference(system, duration, faults, phases)
     assert run.views.seen.tolist() == [seen for seen, _ in expected]
-    shown = [run.shown(point.tag) for point in system.points]
+    shown = [run.shown(place) for place in range(len(system.points))]
     good = run.views.number >= 0
     for row, (_, view) in enumerate(expected):
         for point, message in enumerate(system.message_of.tolist()):
@@ -151,7 +151,7 @@ def test_a_long_run_equals_its_parts():
         ),
         (lambda: simulate(System(), until=1, phases={"JB4": 0}), "JB4"),
         (lambda: simulate(System(), until=1, phases={"JB1": -1}), "phase of JB1 is -1"),
-        (lambda: simulate(System(), until=1).shown("x"), "tag is 'x'"),
+        (lambda: simulate(System(), until=1).ages("x"), "tag is 'x'"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):
