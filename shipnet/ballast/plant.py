@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Bools, Floats
+from shipnet.arrays import Bools, Floats, Indices
 from shipnet.ballast.actuator import (
     Actuator,
     Hydraulics,
@@ -54,18 +54,18 @@ DEAD_BAND = 0.5
 _OT, _VPOS = 3, 4
 
 
-def _numbers(valves: int | Iterable[int] | None) -> tuple[int, ...] | None:
+def _numbers(valves: int | Iterable[int] | None, n_valves: int = 10_000) -> tuple[int, ...] | None:
     """Return one or more valve numbers as a tuple; None, for all valves, is returned unchanged."""
     if valves is None:
         return None
     many = valves if isinstance(valves, Iterable) else (valves,)
-    return tuple(check_whole("one of valves", valve, 1, 10_000) for valve in many)
+    return tuple(check_whole("one of valves", valve, 1, n_valves) for valve in many)
 
 
-def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
+def _places(valves: int | Iterable[int] | None, n_valves: int) -> Indices:
     """Return the indices, counted from 0, of the given valves; None means all `n_valves`."""
-    known = range(1, n_valves + 1) if valves is None else _numbers(valves) or ()
-    return [check_whole("one of valves", valve, 1, n_valves) - 1 for valve in known]
+    numbers = _numbers(valves, check_whole("n_valves", n_valves, 1, 10_000))
+    return np.arange(n_valves) if numbers is None else np.array(numbers, np.intp) - 1
 
 
 @record
@@ -104,10 +104,7 @@ class Command:
 
     def mask(self, n_valves: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return a mask of the commanded valves among `n_valves`, valve 1 first."""
-        count = check_whole("n_valves", n_valves, 1, 10_000)
-        meant = np.zeros(count, bool)
-        meant[_places(self.valves, count)] = True
-        return meant
+        return np.isin(np.arange(n_valves), _places(self.valves, n_valves))
 
     @classmethod
     def random(
@@ -188,8 +185,6 @@ FAULTS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "Pos4": ("position reads far too low", (Change("VPos", "added", -15.0),)),
 }
 
-_SENSORS = {channel.name: place for place, channel in enumerate(CHANNELS)}
-
 
 @record
 class Fault(TimedFault):
@@ -223,14 +218,14 @@ class Fault(TimedFault):
 
     def severities(self, n_valves: int) -> Floats:
         """Return the severity for each valve, shape (n_valves,)."""
-        count = check_whole("n_valves", n_valves, 1, 10_000)
-        mine = _places(self.valves, count)
-        if np.ndim(self.severity) and np.size(self.severity) != len(mine):
-            size = np.size(self.severity)
-            raise ArgumentError(f"severity of {self.code} has {size} values for {len(mine)} valves")
-        found = np.zeros(count)
-        found[mine] = self.severity
-        return found
+        places, size = _places(self.valves, n_valves), np.size(self.severity)
+        if np.ndim(self.severity) and size != len(places):
+            raise ArgumentError(
+                f"severity of {self.code} has {size} values for {len(places)} valves"
+            )
+        severities = np.zeros(n_valves)
+        severities[places] = self.severity
+        return severities
 
     @classmethod
     def parse(cls, fault: str, n_valves: int = 247) -> Fault:
@@ -284,14 +279,14 @@ class Fault(TimedFault):
 
 def faulty(actuator: Actuator, faults: Iterable[Fault], n_valves: int) -> tuple[Actuator, Floats]:
     """Return the actuator with the faults applied, and the sensor offsets, shape (5, n_valves)."""
-    n = check_whole("n_valves", n_valves, 1, 10_000)
-    offsets = np.zeros((len(CHANNELS), n))
+    sensors = [channel.name for channel in CHANNELS]
+    offsets = np.zeros((len(sensors), n_valves))
     numbers: dict[str, Any] = {}
     for fault in faults:
-        severity = fault.severities(n)
+        severity = fault.severities(n_valves)
         for target, law, value in FAULTS[fault.code][1]:
-            if target in _SENSORS:
-                offsets[_SENSORS[target]] += value * severity
+            if target in sensors:
+                offsets[sensors.index(target)] += value * severity
                 continue
             number = numbers.get(target, getattr(actuator, target))
             with np.errstate(divide="ignore"):

@@ -29,8 +29,9 @@ def test_the_slaves_find_all_twelve_faults_and_no_others(accepted):
     screens = table[1::2].set_index("step")
     assert screens.loc["screen with V1", ["expected", "found"]].tolist() == ["fault 4", "fault 4"]
     assert screens["expected"].iloc[-2:].tolist() == [
-        "fault 11 or fault 6 or fault 9", "fault 12 or fault 7 or fault 10",
-    ]  # fmt: skip
+        "fault 11 or fault 6 or fault 9",
+        "fault 12 or fault 7 or fault 10",
+    ]
     found = [f"fault {row}" for row in (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 6, 7)]
     assert sorted(screens["found"]) == sorted(["open", *found])
 

@@ -142,13 +142,6 @@ def test_a_wrong_option_is_reported_in_one_line(arguments, message, capsys):
     assert message in error
 
 
-def test_the_help_says_what_a_pseudo_terminal_cannot_do(capsys):
-    with pytest.raises(SystemExit):
-        main(["serve", "--help"])
-    said = " ".join(capsys.readouterr().out.split())
-    assert "(pty) instead of a serial port has no parity: it needs --character 8N1" in said
-
-
 def test_a_fault_is_parsed_with_and_without_its_severity():
     assert Fault.parse("7:P2:0.5") == Fault("P2", 0.5, valves=7)
     assert Fault.parse("1:O1") == Fault("O1", 1.0, valves=1)
