@@ -90,8 +90,7 @@ class _History(NamedTuple):
     def at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return, for each time, the fault's index in `FAULTS` (-1 if none) and its severity."""
         starts, codes, severities = zip(*self.steps, strict=True)
-        known = list(FAULTS)
-        places = np.array([known.index(code) if code else -1 for code in codes])
+        places = np.array([list(FAULTS).index(code) if code else -1 for code in codes])
         now = np.searchsorted(starts, time + 1e-6, side="right") - 1
         return places[now], np.array(severities)[now]
 
@@ -170,13 +169,8 @@ def _written(block: _Block) -> dict[str, int]:
         place, start = moved["valve"].to_numpy(int) - 1, moved["start_s"].to_numpy(float)
         save(labelled(place, start, columns), "strokes", folder)
         samples, strokes = samples + len(table), strokes + len(moved)
-    counts = {
-        "block": block.number,
-        "valves": n_valves,
-        "faults": len(truth),
-        "samples": samples,
-        "strokes": strokes,
-    }
+    counts = {"block": block.number, "valves": n_valves, "faults": len(truth)}
+    counts |= {"samples": samples, "strokes": strokes}
     truth = truth.astype({"valve": "int32", "code": "object"})
     save(truth, "faults", counts=json.dumps(counts))
     return {**counts, "bytes": save.size()}
@@ -318,14 +312,8 @@ def write_fleet(
     times = check_whole("strokes", strokes, 0, 100)
     idle = check_scalar("idle_step", idle_step, "s", 1, 3600)
     source = check_whole("seed", seed, 0, 2**63 - 1)
-    settings = {
-        "valves": count,
-        "days": lasts,
-        "faults_per_year": rate,
-        "strokes": times,
-        "idle_step": idle,
-        "seed": source,
-    }
+    settings = {"valves": count, "days": lasts, "faults_per_year": rate, "strokes": times}
+    settings |= {"idle_step": idle, "seed": source}
     about = {"synthetic": BASIS, "made_by": f"shipnet {__version__}"}
     about |= {name: str(value) for name, value in settings.items()}
     try:

@@ -96,8 +96,8 @@ class Strokes:
     def __repr__(self) -> str:
         pairs = pd.DataFrame({"condition": self.condition, "actuator": self.actuator})
         groups = pairs.drop_duplicates().groupby("condition", sort=False)["actuator"]
-        said = "; ".join(f"{name}: {', '.join(sorted(mine))}" for name, mine in groups)
-        return f"Strokes({len(self.values)} strokes; {said})"
+        text = "; ".join(f"{name}: {', '.join(sorted(names))}" for name, names in groups)
+        return f"Strokes({len(self.values)} strokes; {text})"
 
     @cached_property
     def way(self) -> Floats:

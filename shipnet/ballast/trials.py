@@ -102,9 +102,8 @@ class Trials:
 
     def __repr__(self) -> str:
         share = self.rows.groupby("method", sort=False)["isolated"].mean()
-        said = ", ".join(f"{name} {100 * x:.0f} %" for name, x in share.items())
-        n = len(self.rows) // max(len(share), 1)
-        return f"Trials({n} valves, isolated: {said})"
+        isolated = ", ".join(f"{name} {100 * x:.0f} %" for name, x in share.items())
+        return f"Trials({len(self.rows) // max(len(share), 1)} valves, isolated: {isolated})"
 
     def table(self) -> pd.DataFrame:
         """Return one row per trial and method, as a copy."""
@@ -136,10 +135,11 @@ class Trials:
     def confusion(self, method: str = "fuzzy") -> pd.DataFrame:
         """Return the number of trials by fault (rows) and top fault (columns)."""
         check_choice("method", method, self.rows["method"].unique())
-        mine = self.rows[self.rows["method"] == method]
-        order = list(dict.fromkeys([*mine["fault"], *sorted(mine["top_fault"].unique())]))
-        counted = pd.crosstab(mine["fault"], mine["top_fault"])
-        return counted.reindex(index=list(mine["fault"].unique()), columns=order, fill_value=0)
+        rows = self.rows[self.rows["method"] == method]
+        faults = list(rows["fault"].unique())
+        order = list(dict.fromkeys([*faults, *sorted(rows["top_fault"].unique())]))
+        counts = pd.crosstab(rows["fault"], rows["top_fault"])
+        return counts.reindex(index=faults, columns=order, fill_value=0)
 
     def plot(self, method: str = "fuzzy", ax: Axes | None = None) -> Axes:
         """Draw the confusion matrix in percent of each row."""
@@ -199,7 +199,7 @@ def fault_trials(
     {'normal': 0, 'V1': 8}
     """
     generator = check_rng(rng)
-    wanted, asked = _some("codes", codes, (NORMAL, *FAULTS)), _some("methods", methods, METHODS)
+    wanted, ways = _some("codes", codes, (NORMAL, *FAULTS)), _some("methods", methods, METHODS)
     valves = check_whole("n_valves", n_valves, 1, 10_000 // len(wanted))
     try:
         each = np.broadcast_to(np.asarray(severity, float), valves)
@@ -211,9 +211,9 @@ def fault_trials(
     base = rule_base()
     faults = np.repeat(np.array(wanted, dtype=object), valves)
     places = {code: np.flatnonzero(faults == code) for code in wanted if code != NORMAL}
-    plan = [Fault(code, severities[mine], valves=mine + 1) for code, mine in places.items()]
-    active = {method: np.zeros((faults.size, len(base.rules)), bool) for method in asked}
-    first = {method: np.full((faults.size, len(base.rules)), np.nan) for method in asked}
+    plan = [Fault(code, severities[where], valves=where + 1) for code, where in places.items()]
+    active = {method: np.zeros((faults.size, len(base.rules)), bool) for method in ways}
+    first = {method: np.full((faults.size, len(base.rules)), np.nan) for method in ways}
     runs = blocks(
         spread_valves(faults.size, generator),
         [Command("open", _OPEN), Command("close", _CLOSE)],
@@ -223,10 +223,10 @@ def fault_trials(
         rng=generator,
         size=_BLOCK,
     )
-    for block in _diagnosed(runs, asked):
-        for method, found in block.items():
-            active[method] |= found.active.any(axis=0)
-            first[method] = np.fmin(first[method], found.alarm_times)
+    for block in _diagnosed(runs, ways):
+        for method, diagnosis in block.items():
+            active[method] |= diagnosis.active.any(axis=0)
+            first[method] = np.fmin(first[method], diagnosis.alarm_times)
     own = faults[:, np.newaxis] == np.array(base.codes, dtype=object)
     tables = []
     for method, codes in active.items():
@@ -254,19 +254,16 @@ def _diagnosed(runs: Iterable[Run], methods: Iterable[str]) -> Iterator[dict[str
     """Diagnose consecutive blocks with every method."""
     tails: dict[str, Tail] = {}
     for run in runs:
-        found = {
-            method: diagnose_run(run, method=method, earlier=tails.get(method))
-            for method in methods
-        }
-        tails = {method: diagnosis.tail for method, diagnosis in found.items()}
-        yield found
+        block = {m: diagnose_run(run, method=m, earlier=tails.get(m)) for m in methods}
+        tails = {method: diagnosis.tail for method, diagnosis in block.items()}
+        yield block
 
 
-def _some(name: str, words: Iterable[str], known: Collection[str]) -> list[str]:
-    given = list(words)
-    if not given:
+def _some(name: str, words: Iterable[str], legal: Collection[str]) -> list[str]:
+    chosen = [check_choice(f"one of {name}", word, legal) for word in words]
+    if not chosen:
         raise ArgumentError(f"{name} is empty; it must name at least one")
-    return [check_choice(f"one of {name}", word, known) for word in given]
+    return chosen
 
 
 def false_alarms(
@@ -426,35 +423,34 @@ class FleetReport:
                     table[table["valve"] == valve + 1]
                     for table in (self.alarms, self.signals, self.commands)
                 )
-                mine = alarms[alarms["time_s"] >= fault.start]
-                own = shown[(shown["time_s"] >= fault.start) & (shown["top_fault"] == fault.code)]
-                alarm, end = mine["time_s"].min(), min(fault.stop, self.duration)
+                later = alarms[alarms["time_s"] >= fault.start]
+                isolated = shown[
+                    (shown["time_s"] >= fault.start) & (shown["top_fault"] == fault.code)
+                ]
+                alarm, end = later["time_s"].min(), min(fault.stop, self.duration)
                 ran = ran[(ran["end_s"] >= fault.start) & (ran["start_s"] <= alarm)]
                 command = np.maximum(ran["start_s"].max(), fault.start)
-                seen = self._reported(fault.start, end, shown)
+                # Time for which a fault is reported while there is one.
+                until = shown["time_s"].shift(-1).fillna(self.duration)
+                spans = until.clip(fault.start, end) - shown["time_s"].clip(fault.start, end)
+                reported = spans[~shown["top_fault"].isin([NORMAL, UNDETERMINED])].sum()
                 rows.append(
                     (
                         valve + 1,
                         fault.code,
                         severities[valve],
                         fault.start,
-                        [*mine["top_fault"], ""][0],
-                        fault.code in mine["code"].tolist(),
+                        [*later["top_fault"], ""][0],
+                        fault.code in later["code"].tolist(),
                         alarm - fault.start,
-                        own["time_s"].min() - fault.start,
-                        seen / (end - fault.start) if end > fault.start else np.nan,
+                        isolated["time_s"].min() - fault.start,
+                        reported / (end - fault.start) if end > fault.start else np.nan,
                         command,
                         alarm - command,
                     )
                 )
         # An empty table must have the same column types.
         return pd.DataFrame(rows, columns=list(_FAULT_COLUMNS)).astype(_FAULT_COLUMNS)
-
-    def _reported(self, low: float, high: float, signals: pd.DataFrame) -> float:
-        """Return for how long faults are reported between the times `low` and `high` [s]."""
-        ends = signals.groupby("valve")["time_s"].shift(-1).fillna(self.duration)
-        spans = np.clip(ends, low, high) - np.clip(signals["time_s"], low, high)
-        return float(spans[~signals["top_fault"].isin([NORMAL, UNDETERMINED])].sum())
 
     def false_alarms(self) -> pd.DataFrame:
         """Return the alarms of valves that had no fault yet, with the columns of `alarms`."""
