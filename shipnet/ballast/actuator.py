@@ -191,8 +191,8 @@ class Oil:
         cylinder = np.minimum(wanted, self._blocked)
         drop = np.asarray(np.inf)
         for leak, supply in self._balances:
-            rest = np.maximum(supply - leak * cylinder, 0)
-            drop = np.minimum(drop, _root(leak, self._restrictor, rest))
+            left = np.maximum(supply - leak * cylinder, 0)
+            drop = np.minimum(drop, _root(leak, self._restrictor, left))
         leaving = self._restrictor * drop - self._piston_leak * cylinder
         flow = np.where(wanted < self._blocked, np.maximum(leaving, 0.0), 0.0)
         return Hydraulics(cylinder + drop**2, cylinder, flow)

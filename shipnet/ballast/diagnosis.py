@@ -323,7 +323,7 @@ class Diagnosis:
     def commands(self) -> pd.DataFrame:
         """Return one row per motor run: its diagnosis to 5 s after its end, or to the next run."""
         table = stroke_rows(self.run)[["valve", "action", "start_s", "end_s", "outcome"]].copy()
-        found = np.zeros((len(table), len(self.base.codes)), bool)
+        active = np.zeros((len(table), len(self.base.codes)), bool)
         doubtful, delay = np.zeros(len(table), bool), np.full(len(table), np.nan)
         for place, moved in enumerate(self.run.movements):
             first, ended, last = np.searchsorted(
@@ -334,10 +334,10 @@ class Diagnosis:
             seen = self.active[first:last, moved.valve]
             doubtful[place] = self.open[first:last, moved.valve].any()
             if seen.any():
-                found[place] = seen.any(axis=0)
+                active[place] = seen.any(axis=0)
                 delay[place] = self.time[first + seen.any(axis=1).argmax()] - moved.start
-        table["active"] = self.base.active_codes(found)
-        table["top_fault"] = self.base.top_codes(found, doubtful)
+        table["active"] = self.base.active_codes(active)
+        table["top_fault"] = self.base.top_codes(active, doubtful)
         table["delay_s"] = delay
         return table
 
@@ -368,8 +368,8 @@ class Diagnosis:
 
     def n_alarms(self, valve: int, code: str | None = None) -> int:
         """Return how many times a code became active; None counts all codes."""
-        mine = self.onset[:, self._place(valve)]
-        return int(mine.sum() if code is None else mine[:, self._column(code)].sum())
+        new = self.onset[:, self._place(valve)]
+        return int(new.sum() if code is None else new[:, self._column(code)].sum())
 
     def plot(self, valve: int | None = None, ax: Axes | None = None) -> Axes:
         """Draw the greatest firing strength of each rule, and the diagnosis, as in Figure 13.

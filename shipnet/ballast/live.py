@@ -277,10 +277,10 @@ def _pc(make: Callable[..., TestBed]) -> Iterator[Step]:
     bed.wait(_STROKE + _SETTLE)
     full = bed.level
     bed.wait(_SETTLE)
-    found = f"{'rose' if full > level > 0 else 'did not rise'}, " + (
+    result = f"{'rose' if full > level > 0 else 'did not rise'}, " + (
         "then held" if bed.level == full else "then did not hold"
     )
-    yield _same("tank of S3 after closing", "rose, then held", found)
+    yield _same("tank of S3 after closing", "rose, then held", result)
 
 
 def _diagnosis(make: Callable[..., TestBed], code: str | None) -> Iterator[Step]:

@@ -64,7 +64,7 @@ def _numbers(valves: int | Iterable[int] | None, n_valves: int = 10_000) -> tupl
 
 def _places(valves: int | Iterable[int] | None, n_valves: int) -> Indices:
     """Return the indices, counted from 0, of the given valves; None means all `n_valves`."""
-    numbers = _numbers(valves, check_whole("n_valves", n_valves, 1, 10_000))
+    numbers = _numbers(valves, n_valves)
     return np.arange(n_valves) if numbers is None else np.array(numbers, np.intp) - 1
 
 
@@ -104,7 +104,8 @@ class Command:
 
     def mask(self, n_valves: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return a mask of the commanded valves among `n_valves`, valve 1 first."""
-        return np.isin(np.arange(n_valves), _places(self.valves, n_valves))
+        count = check_whole("n_valves", n_valves, 1, 10_000)
+        return np.isin(np.arange(count), _places(self.valves, count))
 
     @classmethod
     def random(
@@ -218,12 +219,13 @@ class Fault(TimedFault):
 
     def severities(self, n_valves: int) -> Floats:
         """Return the severity for each valve, shape (n_valves,)."""
-        places, size = _places(self.valves, n_valves), np.size(self.severity)
+        count = check_whole("n_valves", n_valves, 1, 10_000)
+        places, size = _places(self.valves, count), np.size(self.severity)
         if np.ndim(self.severity) and size != len(places):
             raise ArgumentError(
                 f"severity of {self.code} has {size} values for {len(places)} valves"
             )
-        severities = np.zeros(n_valves)
+        severities = np.zeros(count)
         severities[places] = self.severity
         return severities
 

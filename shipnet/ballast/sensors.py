@@ -43,9 +43,9 @@ def position_speed(time: Floats, position: Floats) -> Floats:
     """Return the absolute speed of the position over the window [%/s]; NaN in the first window."""
     then = np.searchsorted(time, time - WINDOW + 1e-9) - 1
     speed = np.full(position.shape, np.nan)
-    known = then >= 0
-    lasted = (time[known] - time[then[known]])[:, np.newaxis]
-    speed[known] = np.abs(position[known] - position[then[known]]) / lasted
+    valid = then >= 0
+    lasted = (time[valid] - time[then[valid]])[:, np.newaxis]
+    speed[valid] = np.abs(position[valid] - position[then[valid]]) / lasted
     return speed
 
 

@@ -223,7 +223,7 @@ class Strokes:
         """
         others = dict(judges or {})
         source = reference if reference is not None else _shipped()
-        known, rows = source.table(), []
+        features, rows = source.table(), []
         for (name, condition), tested in self._features.groupby(["actuator", "condition"]):
             base = source.rules(without=str(name))
             reports = {}
@@ -231,17 +231,17 @@ class Strokes:
                 applies = self.applies.loc[tested.index]
                 decided = base.decide(tested[list(base.names)], method, applies=applies)
                 for flag in dict.fromkeys(rule.flag for rule in base.rules):
-                    own = [rule.flag == flag for rule in base.rules]
-                    reports[method, flag] = decided.active[:, own].any(axis=1)
+                    of_flag = [rule.flag == flag for rule in base.rules]
+                    reports[method, flag] = decided.active[:, of_flag].any(axis=1)
                 reports[method, "any"] = decided.top != NORMAL
             for method, judge in others.items():
-                found = np.asarray(judge(known[known["actuator"] != name], tested))
-                if found.shape != (len(tested),) or found.dtype != bool:
+                reported = np.asarray(judge(features[features["actuator"] != name], tested))
+                if reported.shape != (len(tested),) or reported.dtype != bool:
                     raise ArgumentError(
-                        f"judges[{method!r}] returned the shape {found.shape} and the type "
-                        f"{found.dtype}; expected one bool for each of {len(tested)} strokes"
+                        f"judges[{method!r}] returned the shape {reported.shape} and the type "
+                        f"{reported.dtype}; expected one bool for each of {len(tested)} strokes"
                     )
-                reports[method, "any"] = found
+                reports[method, "any"] = reported
             rows += [
                 (method, report, name, condition, len(tested), int(hits.sum()))
                 for (method, report), hits in reports.items()

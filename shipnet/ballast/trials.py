@@ -125,9 +125,9 @@ class Trials:
             ends = share_interval(hits, table["n"])
             table[f"{name}_low"], table[f"{name}_high"] = ends
         faulty = self.rows["detected"] & (self.rows["fault"] != NORMAL)
-        found = self.rows[faulty].groupby(["method", "fault"], sort=False)
-        table["isolability"] = found["isolated"].mean()
-        table["sensitivity"] = found["severity"].min()
+        detected = self.rows[faulty].groupby(["method", "fault"], sort=False)
+        table["isolability"] = detected["isolated"].mean()
+        table["sensitivity"] = detected["severity"].min()
         for name in ("detection_time_s", "isolation_time_s"):
             table[name] = groups[name].median()
         return table
@@ -227,7 +227,7 @@ def fault_trials(
         for method, diagnosis in block.items():
             active[method] |= diagnosis.active.any(axis=0)
             first[method] = np.fmin(first[method], diagnosis.alarm_times)
-    own = faults[:, np.newaxis] == np.array(base.codes, dtype=object)
+    of_fault = faults[:, np.newaxis] == np.array(base.codes, dtype=object)
     tables = []
     for method, codes in active.items():
         top = base.top_codes(codes)
@@ -241,10 +241,12 @@ def fault_trials(
             "active": base.active_codes(codes),
             "top_fault": top,
             "detected": codes.any(axis=1),
-            "named": (codes & own).any(axis=1),
+            "named": (codes & of_fault).any(axis=1),
             "isolated": top == faults,
             "detection_time_s": np.fmin.reduce(since, axis=1),
-            "isolation_time_s": np.fmin.reduce(np.where(own & isolated, since, np.nan), axis=1),
+            "isolation_time_s": np.fmin.reduce(
+                np.where(of_fault & isolated, since, np.nan), axis=1
+            ),
         }
         tables.append(pd.DataFrame(rows))
     return Trials(pd.concat(tables, ignore_index=True))
@@ -475,8 +477,8 @@ class FleetReport:
             true_detection_rate=("true_detection_rate", "mean"),
         )
         table["isolability"] = table["isolated"] / table["detected"].where(table["detected"] > 0)
-        found = self.faults().dropna(subset="detection_time_s")
-        table["sensitivity"] = found.groupby("code")["severity"].min()
+        detected = self.faults().dropna(subset="detection_time_s")
+        table["sensitivity"] = detected.groupby("code")["severity"].min()
         return table.reindex([code for code in FAULTS if code in groups.groups])
 
     def __repr__(self) -> str:
@@ -503,7 +505,7 @@ class FleetReport:
         hour = 3600.0
         rows = np.arange(len(faults))
         start = faults["start_s"].to_numpy()
-        known = (start + faults["detection_time_s"]).fillna(self.duration).to_numpy()
+        until = (start + faults["detection_time_s"]).fillna(self.duration).to_numpy()
         names = []
         for row, (valve, code) in enumerate(faults[["valve", "code"]].itertuples(index=False)):
             names.append(f"{code}, valve {valve}")
@@ -517,10 +519,12 @@ class FleetReport:
                 label="_" if row else "valve is moved",
             )
         red = style.LIMIT["color"]
-        ax.hlines(rows, start / hour, known / hour, color=red, linewidth=3, label="unknown")
+        ax.hlines(rows, start / hour, until / hour, color=red, linewidth=3, label="unknown")
         ax.plot(start / hour, rows, "o", color=red, markersize=5, label="fault appears")
-        found = faults["detection_time_s"].notna().to_numpy()
-        ax.plot(known[found] / hour, rows[found], "D", color="C2", markersize=6, label="reported")
+        reported = faults["detection_time_s"].notna().to_numpy()
+        ax.plot(
+            until[reported] / hour, rows[reported], "D", color="C2", markersize=6, label="reported"
+        )
         ax.set_yticks(rows, names)
         ax.invert_yaxis()
         ax.set(xlabel="time [h]", xlim=(0, self.duration / hour))
@@ -581,8 +585,8 @@ def run_fleet(
     runs = blocks(fleet, commands, faults=failed, until=end, idle_step=idle_step, rng=rng)
     n_samples, strokes, alarms, signals = 0, [], [], []
     shown = np.full((1, fleet.n_valves), NORMAL, dtype=object)
-    for found in _diagnosed(runs, ["fuzzy"]):
-        diagnosis = found["fuzzy"]
+    for block in _diagnosed(runs, ["fuzzy"]):
+        diagnosis = block["fuzzy"]
         n_samples += diagnosis.time.size * fleet.n_valves
         strokes.append(
             stroke_rows(diagnosis.run)[["valve", "action", "start_s", "end_s", "outcome"]]
@@ -593,8 +597,8 @@ def run_fleet(
         columns = {"time_s": diagnosis.time[times], "valve": valves + 1}
         signals.append(pd.DataFrame({**columns, "top_fault": top[times, valves]}))
         shown = top[-1:]
-    moved, known, changed = (
+    moved, began, changed = (
         pd.concat([table for table in tables if len(table)] or tables[:1], ignore_index=True)
         for tables in (strokes, alarms, signals)
     )
-    return FleetReport(fleet.n_valves, end, n_samples, failed, moved, known, changed)
+    return FleetReport(fleet.n_valves, end, n_samples, failed, moved, began, changed)

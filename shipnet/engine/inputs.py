@@ -245,14 +245,14 @@ class InputCard:
             point = self.points[k]
             if not point.analogue:
                 continue
-            one = replace(self, points=PointList([point]))
+            card = replace(self, points=PointList([point]))
             n = self.highest + 1
             # Between two steps of the converter the decoded value is constant, so the largest error
             # occurs at a step or at an end of the range.
-            edges = one._decoded((np.arange(1, n) - 0.5)[:, np.newaxis] / n)[:, 0]
-            decoded = one.value(np.arange(n)[:, np.newaxis])[:, 0]
+            edges = card._decoded((np.arange(1, n) - 0.5)[:, np.newaxis] / n)[:, 0]
+            decoded = card.value(np.arange(n)[:, np.newaxis])[:, 0]
             inside = (edges > point.low) & (edges < point.high)
-            first, last = (int(one.code(one.signal([end]))[0]) for end in (point.low, point.high))
+            first, last = (int(card.code(card.signal([end]))[0]) for end in (point.low, point.high))
             ends = np.concatenate([[point.low], np.repeat(edges[inside], 2), [point.high]])
             below = np.flatnonzero(inside)
             pairs = np.column_stack([below, below + 1]).ravel()

@@ -292,7 +292,7 @@ class Run:
             f"{len(self.alarms())} alarms, oldest value shown {self.worst_age:.2f} s)"
         )
 
-    def shown(self, place: int) -> Shown:
+    def _shown(self, place: int) -> Shown:
         """Return what the AMS shows over time for the point with this index."""
         system, message = self.system, self.system.message_of[place]
         box = int(system.sender[message])
@@ -326,7 +326,7 @@ class Run:
         tags = [point.tag for point in self.system.points]
         if tag not in tags:
             raise ArgumentError(f"tag is {tag!r}; it must be one of {tags[0]} .. {tags[-1]}")
-        shown = self.shown(tags.index(tag))
+        shown = self._shown(tags.index(tag))
         good = shown.good
         columns = {
             "seen_s": shown.seen,
@@ -417,7 +417,7 @@ class Run:
         printed = self.system.coding == "printed"
         rows = []
         for place, point in enumerate(self.system.points):
-            shown = self.shown(place)
+            shown = self._shown(place)
             value, age, mark = np.nan, np.nan, "0xFF" if printed else "too old"
             if shown.good[row] and (
                 now < shown.good_until[row] or shown.good_until[row] == self.end
@@ -446,7 +446,7 @@ class Run:
     def _table(self) -> pd.DataFrame:
         rows = []
         for place, point in enumerate(self.system.points):
-            shown = self.shown(place)
+            shown = self._shown(place)
             marked = int((shown.until - shown.good_until).sum()) / 1e9
             worst = mean = sampled = until = np.nan
             if (good := shown.good).any():
@@ -546,15 +546,18 @@ def _changes(time: Integers, good: Bools) -> Sequence[tuple[int, bool]]:
 def _cpu(run: Run, box: int) -> _Slices:
     system, cpu, loop = run.system, run.cpus[box], run.loops[box]
     modbus = [(t, t + system.service_ns, "Modbus") for t in cpu.begins.tolist()]
-    heard = run.sent.heard_by(box, system)
-    due, work = run.sent.arrival[heard], nanoseconds(system.firmware.receive)
+    received = run.sent.heard_by(box, system)
+    due, work = run.sent.arrival[received], nanoseconds(system.firmware.receive)
     left = cpu.queue(due, work)
     starts, ends = np.maximum(cpu.at(left), due), cpu.at(left + work)
     can = _without(
         [(a, b, "CAN") for a, b in zip(starts.tolist(), ends.tolist(), strict=True)], modbus
     )
     if system.coding == "printed" and box in system.ports:
-        senders, length = system.sender[run.sent.message[heard]], nanoseconds(system.firmware.mark)
+        senders, length = (
+            system.sender[run.sent.message[received]],
+            nanoseconds(system.firmware.mark),
+        )
         begun = [marks(system, cpu, ends[senders == sender]) for sender in set(senders)]
         timer = [
             (a, b, "timer")

@@ -238,13 +238,13 @@ class JunctionBox:
     def values(self, time: float) -> Floats:
         """Return the values of all points as this box holds them at `time` [s]; NaN if marked."""
         now = nanoseconds(time)
-        heard = [self._heard(box, now) for box in range(len(self.system.boxes))]
+        received = [self._heard(box, now) for box in range(len(self.system.boxes))]
         limit = nanoseconds(self.system.stale_limit)
         values = np.full(len(self.system.points), np.nan)
         for place, (point, box) in enumerate(
             zip(self.system.points, self.system.box_of.tolist(), strict=True)
         ):
-            last = heard[box]
+            last = received[box]
             if last is None or now - last > limit:
                 continue
             for begin, stop in outages(self.faults, point.tag, StuckSensor):

@@ -541,7 +541,7 @@ def _fault_row(system: System, fault: EngineFault | None, runs: Sequence[Run]) -
 
 def _unseen(run: Run, begin: float, end: float) -> Bools:
     """Return a mask of the points that show no value newer than the fault while it lasts."""
-    shown = [run.shown(place) for place in range(len(run.system.points))]
+    shown = [run._shown(place) for place in range(len(run.system.points))]
     # The values of a stuck sensor date from exactly the nanosecond at which it became stuck.
     first, last = nanoseconds(begin), nanoseconds(end)
     newer = [s.good & (s.sampled > first) & (s.seen <= last) for s in shown]

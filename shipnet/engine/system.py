@@ -256,8 +256,9 @@ class System:
     @cached_property
     def convert_ns(self) -> Integers:
         """Time that each box takes to convert its inputs [ns], shape (n_boxes,)."""
-        counts = self.points.counts()["analogue"].to_numpy()[:-1]
-        return np.asarray(nanoseconds(self.firmware.input_time) * counts)
+        boxes = self.points.by_box().values()
+        counts = [sum(point.analogue for point in points) for points in boxes]
+        return nanoseconds(self.firmware.input_time) * np.array(counts, dtype=np.int64)
 
     @cached_property
     def loop_ns(self) -> Integers:
@@ -314,6 +315,7 @@ class System:
 
         The age counts from the start of the sender's round.
         """
+        reader = check_whole("reader", reader, 0, len(self.boxes) - 1)
         sender = self.sender
         pile = self.service_ns + nanoseconds(self.firmware.receive) * sender.size
         sent = np.ceil(self.can_response * 1e9).astype(np.int64)

@@ -328,8 +328,8 @@ class RuleBase:
         total = area.sum(axis=-1)
         number = np.full(total.shape, np.nan)
         np.divide(area @ np.arange(1, len(self.rules) + 1), total, out=number, where=total > 0)
-        place = np.ceil(np.nan_to_num(number, nan=1.0) - 0.5).astype(int) - 1
-        nearest = np.array(self.codes, dtype=object)[place]
+        rule = np.ceil(np.nan_to_num(number, nan=1.0) - 0.5).astype(int) - 1
+        nearest = np.array(self.codes, dtype=object)[rule]
         decided = firing.decide().table()[["active", "top"]]
         return decided.assign(centroid=number, nearest=np.where(total > 0, nearest, decided["top"]))
 
@@ -515,8 +515,8 @@ class Decision:
         if self.active.size == len(self.firing.base.codes):
             return f"Decision({self.explain(*(0 for _ in shape))})"
         codes, counts = np.unique(self.top.astype(str), return_counts=True)
-        said = ", ".join(f"{n} {code}" for code, n in zip(codes, counts, strict=True))
-        return f"Decision({int(np.prod(shape))} samples: {said})"
+        top = ", ".join(f"{n} {code}" for code, n in zip(codes, counts, strict=True))
+        return f"Decision({int(np.prod(shape))} samples: {top})"
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
@@ -567,8 +567,8 @@ class Decision:
             parts.append(self._reason(base.rule(top), place))
             others = [code for code in self.codes(*index) if code != top]
             if others:
-                said = (f"{code} {firing[code][place]:.2f}" for code in others)
-                parts.append(f"also {', '.join(said)}")
+                texts = (f"{code} {firing[code][place]:.2f}" for code in others)
+                parts.append(f"also {', '.join(texts)}")
             higher = [code for code in opened if base.ranking.index(code) < base.ranking.index(top)]
             if higher:
                 parts.append(f"cannot exclude {' '.join(higher)}")
@@ -589,20 +589,20 @@ class Decision:
         if missing.any():
             parts.append(f"missing {self._sensors(missing)}")
         if outside.any():
-            said = (
+            texts = (
                 self._reading(variable, place) for variable in compress(base.variables, outside)
             )
-            parts.append(f"out of range {', '.join(said)}")
+            parts.append(f"out of range {', '.join(texts)}")
         return "; ".join(parts)
 
     def _reason(self, rule: Rule, place: tuple[int, ...]) -> str:
-        said = []
+        conditions = []
         for variable, term in self.firing.base.terms_of(rule):
             x = self.firing.values[variable.name][place]
             degree = term.membership(np.clip(x, variable.low, variable.high))
             label = term.english or term.name
-            said.append(f"{self._reading(variable, place)} {label} {degree:.2f}")
-        return f"{rule.code} {self.firing[rule.code][place]:.2f}: {', '.join(said)}"
+            conditions.append(f"{self._reading(variable, place)} {label} {degree:.2f}")
+        return f"{rule.code} {self.firing[rule.code][place]:.2f}: {', '.join(conditions)}"
 
     def _reading(self, variable: Variable, place: tuple[int, ...]) -> str:
         return f"{variable.name} {self.firing.values[variable.name][place]:.4g} {variable.unit}"

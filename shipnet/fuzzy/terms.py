@@ -82,19 +82,19 @@ class Interval:
 
 def parse_comparison(crisp: str) -> Interval:
     """Return the values for which a comparison such as ``0 < x <= 2.5`` holds."""
-    found = _COMPARISON.fullmatch(crisp.strip()) if isinstance(crisp, str) else None
-    both = found and found["low"] and found["sign"] in (">", ">=", "==")
-    if not found or both or not (found["low"] or found["sign"]):
+    match = _COMPARISON.fullmatch(crisp.strip()) if isinstance(crisp, str) else None
+    both = match and match["low"] and match["sign"] in (">", ">=", "==")
+    if not match or both or not (match["low"] or match["sign"]):
         raise ArgumentError(
             f"crisp is {crisp!r}; it must be an Interval, or text like x > 120 or 0 < x <= 2.5"
         )
-    low, high = float(found["low"] or -inf), inf
-    low_closed, high_closed = found["from"] == "<=", False
-    if found["sign"]:
-        end, closed = float(found["end"]), found["sign"] not in ("<", ">")
-        if found["sign"][0] in ">=":
+    low, high = float(match["low"] or -inf), inf
+    low_closed, high_closed = match["from"] == "<=", False
+    if match["sign"]:
+        end, closed = float(match["end"]), match["sign"] not in ("<", ">")
+        if match["sign"][0] in ">=":
             low, low_closed = end, closed
-        if found["sign"][0] in "<=":
+        if match["sign"][0] in "<=":
             high, high_closed = end, closed
     return Interval(low, high, low_closed, high_closed)
 
@@ -273,19 +273,22 @@ class Variable:
     def cells(self, method: str) -> list[float]:
         """Return one value for each combination of terms that can hold at once."""
         intervals = [term.midpoint if method == "midpoint" else term.crisp for term in self.terms]
-        ends = {end for one in intervals for end in (one.low, one.high)} | {self.low, self.high}
+        ends = {end for interval in intervals for end in (interval.low, interval.high)} | {
+            self.low,
+            self.high,
+        }
         edges = sorted(end for end in ends if self.low <= end <= self.high)
         middles = [(a + b) / 2 for a, b in pairwise(edges)]
         points = np.array(sorted([*edges, *middles]))
         # A point inside a cell represents the cell better than a point on its edge.
         inner = np.isin(points, middles)
-        holds = np.stack([one.contains(points) for one in intervals], axis=1)
-        found: dict[tuple[bool, ...], int] = {}
+        holds = np.stack([interval.contains(points) for interval in intervals], axis=1)
+        chosen: dict[tuple[bool, ...], int] = {}
         for place, row in enumerate(holds.tolist()):
             key = tuple(row)
-            if key not in found or (inner[place] and not inner[found[key]]):
-                found[key] = place
-        return sorted(float(points[place]) for place in found.values())
+            if key not in chosen or (inner[place] and not inner[chosen[key]]):
+                chosen[key] = place
+        return sorted(float(points[place]) for place in chosen.values())
 
     def plot(self, ax: Axes | None = None, *, crisp: bool = True) -> Axes:
         """Draw the membership functions; `crisp` adds the comparisons' limits as dashed lines."""

@@ -181,7 +181,7 @@ def test_the_known_age_is_at_least_the_true_age_and_marks_no_healthy_value():
     system = System.corrected()
     run = simulate(system, until=60, rng=np.random.default_rng(5))
     for place, message in enumerate(system.message_of.tolist()):
-        shown = run.shown(place)
+        shown = run._shown(place)
         assert (run.views.known[:, message] <= shown.sampled).all()
     assert run.alarms().empty
     assert (system.hop_ns(0) > 0).all()
@@ -199,6 +199,7 @@ def test_the_known_age_is_at_least_the_true_age_and_marks_no_healthy_value():
         (lambda: System().timeout_for(0.001), "time is 0.001"),
         (lambda: System().timeout_for(0.0095), "time is 0.0095"),
         (lambda: System().timeout_for(101), "time is 101"),
+        (lambda: System().hop_ns(3), r"reader is 3.*0\.\.2"),
         (lambda: System().timeout_for(0.133, retries=-1), "retries is -1"),
     ],
 )

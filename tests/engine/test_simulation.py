@@ -33,7 +33,7 @@ def assert_same(system, duration, faults, phases):
     )
     expected = run_reference(system, duration, faults, phases)
     assert run.views.seen.tolist() == [seen for seen, _ in expected]
-    shown = [run.shown(place) for place in range(len(system.points))]
+    shown = [run._shown(place) for place in range(len(system.points))]
     good = run.views.number >= 0
     for row, (_, view) in enumerate(expected):
         for point, message in enumerate(system.message_of.tolist()):
