@@ -153,37 +153,30 @@ _LAWS = {
 }
 
 
-class Change(NamedTuple):
-    """The effect of a fault on one parameter or reading."""
-
-    target: str
-    law: str
-    value: float
-
-
-#: Meaning of each fault and the changes that it causes, by its code in the rule table.
-FAULTS: dict[str, tuple[str, tuple[Change, ...]]] = {
-    "G1": ("pressure gauge reads too high", (Change("FP", "added", 125.0),)),
+#: Meaning of each fault by its code in the rule table, and the changes that it causes: the
+#: parameter or reading, the law, and its value.
+FAULTS: dict[str, tuple[str, tuple[tuple[str, str, float], ...]]] = {
+    "G1": ("pressure gauge reads too high", (("FP", "added", 125.0),)),
     "P1": (
         "discharge blocked and pump seizing",
-        (Change("restrictor", "linear", 0.02), Change("friction", "added", 10.6)),
+        (("restrictor", "linear", 0.02), ("friction", "added", 10.6)),
     ),
-    "P2": ("pump leaks inside", (Change("pump_leak", "power", 821.0),)),
-    "V1": ("valve stuck", (Change("bearing_torque", "stuck", np.inf),)),
-    "V2": ("piston leaks", (Change("piston_leak", "power", 6000.0),)),
-    "O1": ("motor no longer cooled", (Change("cooling", "linear", 0.1),)),
-    "S1": ("position reads too high, cylinder vented", (Change("VPos", "added", 5.0),)),
-    "S2": ("position reads too low, cylinder vented", (Change("VPos", "added", -5.0),)),
+    "P2": ("pump leaks inside", (("pump_leak", "power", 821.0),)),
+    "V1": ("valve stuck", (("bearing_torque", "stuck", np.inf),)),
+    "V2": ("piston leaks", (("piston_leak", "power", 6000.0),)),
+    "O1": ("motor no longer cooled", (("cooling", "linear", 0.1),)),
+    "S1": ("position reads too high, cylinder vented", (("VPos", "added", 5.0),)),
+    "S2": ("position reads too low, cylinder vented", (("VPos", "added", -5.0),)),
     "Pos1": (
         "position reads too high, pressure trapped",
-        (Change("VPos", "added", 5.0), Change("trapped", "added", 1.0)),
+        (("VPos", "added", 5.0), ("trapped", "added", 1.0)),
     ),
     "Pos2": (
         "position reads too low, pressure trapped",
-        (Change("VPos", "added", -5.0), Change("trapped", "added", 1.0)),
+        (("VPos", "added", -5.0), ("trapped", "added", 1.0)),
     ),
-    "Pos3": ("position reads far too high", (Change("VPos", "added", 15.0),)),
-    "Pos4": ("position reads far too low", (Change("VPos", "added", -15.0),)),
+    "Pos3": ("position reads far too high", (("VPos", "added", 15.0),)),
+    "Pos4": ("position reads far too low", (("VPos", "added", -15.0),)),
 }
 
 

@@ -324,16 +324,16 @@ def false_alarms(
     runs = blocks(system, orders, until=end, rng=generator, size=max(2**19 // valves, 1))
     last = 0.0
     for block in _diagnosed(runs, wanted):
-        for method, found in block.items():
-            of = np.minimum((found.time + 1e-6) // every, starts.size - 1).astype(int)
-            calm = np.isin(found.top, [NORMAL, UNDETERMINED])
+        for method, diagnosis in block.items():
+            of = np.minimum((diagnosis.time + 1e-6) // every, starts.size - 1).astype(int)
+            calm = np.isin(diagnosis.top, [NORMAL, UNDETERMINED])
             before = np.concatenate([quiet[method], calm[:-1]])
             alarms[method] += int((before & ~calm).sum())
-            spans = np.diff(found.time, prepend=last)
+            spans = np.diff(diagnosis.time, prepend=last)
             reported[method] += float(spans @ (~before).sum(axis=1))
             np.logical_or.at(alarmed[method], of, ~calm)
             quiet[method] = calm[-1:]
-        last = found.time[-1]
+        last = diagnosis.time[-1]
     hits = np.array([int(alarmed[method].sum()) for method in wanted])
     seen = np.array([alarms[method] for method in wanted])
     commands, years = starts.size * valves, valves * (starts.size * every) / _YEAR

@@ -554,10 +554,8 @@ def _cpu(run: Run, box: int) -> _Slices:
         [(a, b, "CAN") for a, b in zip(starts.tolist(), ends.tolist(), strict=True)], modbus
     )
     if system.coding == "printed" and box in system.ports:
-        senders, length = (
-            system.sender[run.sent.message[received]],
-            nanoseconds(system.firmware.mark),
-        )
+        senders = system.sender[run.sent.message[received]]
+        length = nanoseconds(system.firmware.mark)
         begun = [marks(system, cpu, ends[senders == sender]) for sender in set(senders)]
         timer = [
             (a, b, "timer")

@@ -273,11 +273,9 @@ class Variable:
     def cells(self, method: str) -> list[float]:
         """Return one value for each combination of terms that can hold at once."""
         intervals = [term.midpoint if method == "midpoint" else term.crisp for term in self.terms]
-        ends = {end for interval in intervals for end in (interval.low, interval.high)} | {
-            self.low,
-            self.high,
-        }
-        edges = sorted(end for end in ends if self.low <= end <= self.high)
+        ends = {end for interval in intervals for end in (interval.low, interval.high)}
+        inside = {end for end in ends if self.low < end < self.high}
+        edges = [self.low, *sorted(inside), self.high]
         middles = [(a + b) / 2 for a, b in pairwise(edges)]
         points = np.array(sorted([*edges, *middles]))
         # A point inside a cell represents the cell better than a point on its edge.
@@ -361,12 +359,9 @@ class Rule:
         check_fields(self)
         if check_word("code", self.code) in (NORMAL, UNDETERMINED):
             raise ArgumentError(f"code is {self.code!r}, which is reserved for when no rule fires")
-        given: Any = self.antecedent
-        parts = (
-            [one.strip().split(".") for one in given.split("&")]
-            if isinstance(given, str)
-            else given
-        )
+        parts: Any = self.antecedent
+        if isinstance(parts, str):
+            parts = [pair.strip().split(".") for pair in parts.split("&")]
         try:
             pairs = [(variable, term) for variable, term in parts]
         except (TypeError, ValueError):
