@@ -72,12 +72,6 @@ def test_a_valve_opens_and_closes_in_real_time_for_pymodbus(kind):
             assert client.write_register(0x4001, 7, device_id=4).exception_code == 3
 
 
-def test_a_fault_acts_on_its_valve_only():
-    fault = [Fault("Pos3", valves=2)]
-    with serve(2, faults=fault, speed=0) as server, connected("tcp", server.port) as client:
-        assert [status(client, unit).readings[4, 0] for unit in (1, 2)] == [0, 15]
-
-
 def test_the_valves_are_served_on_a_serial_line():
     require("pty", hasattr(os, "openpty"), "there are no pseudo-terminals")
     ours, theirs = os.openpty()

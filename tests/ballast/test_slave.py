@@ -83,14 +83,6 @@ def test_the_watchdog_stops_a_valve_when_requests_cease():
     assert ValveDevice(Plant()).plant.deadline[0] == inf
 
 
-def test_valves_of_one_plant_share_its_time_and_nothing_else():
-    slaves = valve_slaves(Plant(3))
-    write(slaves[2].device, Code.OPEN, 0.0)
-    positions = [status(slaves[k].device, 5.0).readings[4, 0] for k in (1, 2, 3)]
-    assert positions == [0, 56, 0]
-    assert status(slaves[2].device, 3.0).readings[4, 0] == 56
-
-
 def test_slaves_answer_as_the_standard_requires():
     slave = valve_slaves(Plant())[1]
     echo = Request.write_single_register(0x4001, MAP.command(Code.POSITION_OPEN, 40))

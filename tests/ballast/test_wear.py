@@ -2,8 +2,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.stats import linregress, t
 
@@ -108,24 +106,6 @@ def test_a_line_without_noise_is_found_exactly(logarithmic):
     assert trend.slope == pytest.approx(0.1)
     goal = np.exp(8.0) if logarithmic else 10.0
     assert remaining_life(trend, goal, 59).estimate == pytest.approx(21, abs=1e-6)
-
-
-@given(
-    slope=st.floats(-5, 5),
-    noise=st.floats(0, 20),
-    seed=st.integers(0, 2**32 - 1),
-    limit=st.floats(-500, 500),
-)
-def test_an_interval_encloses_its_estimate_whatever_the_points(slope, noise, seed, limit):
-    rng = np.random.default_rng(seed)
-    trend = fit_trend(X[:12], line(rng, False, slope, noise, X[:12]))
-    found = trend.crossing(limit)
-    if trend.found:
-        far = 1e-6 * (1 + abs(found.estimate))
-        assert found.low <= found.estimate + far
-        assert found.estimate <= found.high + far
-    else:
-        assert np.isnan(found.estimate)
 
 
 def test_missing_points_and_those_without_a_logarithm_are_left_out():

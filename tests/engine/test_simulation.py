@@ -121,15 +121,6 @@ def test_the_same_generator_gives_the_same_run():
     assert tables[0].equals(tables[1])
 
 
-def test_a_long_run_equals_its_parts():
-    # A long run is computed in chunks; rounds do not depend on its length.
-    phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.3, "AMS": 0.4}
-    long = simulate(System(), until=5000, phases=phases).ages("ME-JB3-062")
-    short = simulate(System(), until=50, phases=phases).ages("ME-JB3-062")
-    assert long["sampled_s"].head(50).tolist() == short["sampled_s"].tolist()
-    assert np.ptp(long["age_s"].to_numpy()) < 1e-6
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [

@@ -179,14 +179,6 @@ def test_only_an_age_that_grows_without_end_is_infinite(system):
     assert both["oldest_s"] <= both["bound_s"] < 2.05
 
 
-def test_the_ams_stays_on_the_channel_that_answered_last():
-    cut = ModbusBreak("1", start=4.5, stop=8.5)
-    asked = simulate(PRINTED, until=12, faults=cut).requests()
-    assert (asked["outcome"] == "no answer").sum() == 1
-    # The AMS does not notice that channel 1 works again.
-    assert asked["channel"].iloc[-1] == 2
-
-
 def test_the_alarm_of_a_channel_comes_and_goes():
     system = replace(PRINTED, retries=2)
     cuts = [ModbusBreak("1", start=4.5, stop=8.5), ModbusBreak("2", start=9.5)]
