@@ -164,7 +164,7 @@ def _offset(text: str) -> tuple[str, float]:
 def _frame(text: str) -> float | None:
     """Return the number of a frame, or None if the text is not a frame."""
     found = re.fullmatch(
-        r"(?i)(?:fr(?:ame)?\.?\s*(?:no\.?)?\s*#?)?\s*(-?[0-9]+(?:\.[0-9]+)?)", text
+        r"(?i)(?:fr(?:ame)?\.?\s*+(?:no\.?\s*+)?#?)?\s*+(-?[0-9]+(?:\.[0-9]+)?)", text
     )
     return None if found is None else float(found[1])
 

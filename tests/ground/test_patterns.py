@@ -47,8 +47,9 @@ class Graph:
         self.alphabet = sorted({*KINDS, *named, *(one.swapcase()[0] for one in named)})
         self.reads, self.edges = [], defaultdict(dict)
         first, last, _ = self.sequence(parsed)
-        # Where a pattern may end, only `fullmatch` tries another way.
-        self.ends = set() if "fullmatch" in uses else set(last)
+        # Where a pattern may end, only `fullmatch` tries another way, if any text is left.
+        everything = {state for state in last if self.reads[state] == set(self.alphabet)}
+        self.ends = everything if "fullmatch" in uses else set(last)
         if SEARCHES & set(uses) and parsed[0][0] not in (op.AT, op.ASSERT, op.ASSERT_NOT):
             start = self.state(frozenset(self.alphabet))
             self.join({start}, first | {start})
@@ -83,7 +84,11 @@ class Graph:
         if kind in (op.AT, op.ASSERT, op.ASSERT_NOT):
             return set(), {}, True
         if kind is op.SUBPATTERN:
-            return self.sequence(value[-1])
+            _, more, less, body = value
+            outside, self.flags = self.flags, (self.flags | more) & ~less
+            part = self.sequence(body)
+            self.flags = outside
+            return part
         if kind is op.ATOMIC_GROUP:
             return self.sequence(value)
         if kind is op.BRANCH:
@@ -97,14 +102,14 @@ class Graph:
 
     def repeat(self, kind, low, high, body):
         """Add a repeat; a limited one is no loop, so three of its turns stand for all."""
-        turn, perhaps = (op.SUBPATTERN, (body,)), (op.BRANCH, (None, [body, []]))
+        turn, perhaps = (op.ATOMIC_GROUP, body), (op.BRANCH, (None, [body, []]))
         if high is not op.MAXREPEAT:
             return self.sequence([turn] * min(low, 3) + [perhaps] * min(high - low, 3))
         first, last, absent = self.sequence([turn] * max(1, min(low, 3)))
         begin, end, _ = self.sequence(body)
         self.join(last, begin)
         self.join(end, begin)
-        if kind is op.POSSESSIVE_REPEAT and len(begin) == 1:
+        if kind is op.POSSESSIVE_REPEAT and begin == set(end) and len(begin) == 1:
             last = dict.fromkeys({**last, **end}, self.reads[min(begin)])
         return first, {**end, **last}, absent or low == 0
 
@@ -207,8 +212,10 @@ def patterns():
             if method in METHODS and node.args and (of == "re" or of.endswith(".str")):
                 scope = Scope(vars(builtins) | vars(import_module(module)))
                 pattern = eval(ast.unparse(node.args[0]), {}, scope)
-                options = [text for text in map(ast.unparse, node.args) if text.startswith("re.")]
-                flags = sum(eval(text, {}, scope) for text in options)
+                options = map(ast.unparse, [*node.args[1:], *(one.value for one in node.keywords)])
+                flags = sum(
+                    int(eval(text, {}, scope)) for text in options if re.match(r"re\.[A-Z]", text)
+                )
                 uses = used[names.get(id(node), "")] if method == "compile" else {method}
                 place = f"{path.relative_to(PACKAGE.parent)}:{node.lineno}"
                 found.append(pytest.param(pattern, flags, uses & METHODS, id=place))
@@ -232,6 +239,7 @@ def test_no_two_loops_of_a_pattern_share_a_run_of_text(pattern, flags, uses):
         (r".*,.*x", "match", True),
         (r".*,.*", "match", False),
         (r".*,.*", "fullmatch", True),
+        (r"a*(?s:.*)", "fullmatch", False),
         (r"\d+x", "match", False),
         (r"\d+x", "search", True),
         (r"\d+", "search", False),
