@@ -82,7 +82,9 @@ def _devices(design: Layout, analogue: Bools) -> dict[str, int]:
     for kind, segment in zip(devices["kind"], devices["segment"], strict=True):
         items.update(_DEVICES.get(f"{bus.get(segment, '')} {kind}", _DEVICES[kind]))
     modules = set(devices.loc[devices["kind"] == "module", "device"])
-    if number := len(modules.intersection(design.points["device"].to_numpy()[analogue])):
+    drops = design.cables[design.cables["b"].isin(design.points["tag"].to_numpy()[analogue])]
+    wired = {*design.points["device"][analogue], *drops["a"]}
+    if number := len(modules & wired):
         items["asi_analogue_module"] = number
         items["asi_module"] -= number
     return items
@@ -183,6 +185,8 @@ EXCLUDED = (
     "commissioning and training",
     "class approval and type approval",
     "spare parts",
+    "what a point needs to be wired to two modules of doubled AS-i lines at once, which is assumed "
+    "to be possible: a second contact, diodes, or two inputs in one current loop",
     "cable trays, penetrations and the cabinet itself",
     "cable offcuts, and the termination of spare conductors and screens",
     "operation, maintenance and the cost of a failure",

@@ -262,7 +262,9 @@ class Draft:
         self.cabinet = self.device("cabinet", "cabinet", "", self.middle)
         self.in_cabinet.add(self.cabinet)
 
-    def device(self, name: str, kind: str, segment: str, place: Place, at: str = "") -> str:
+    def device(
+        self, name: str, kind: str, segment: str, place: Place, at: str = "", line: str = ""
+    ) -> str:
         """Add a device, and return its name, with a number if the name is taken."""
         free = self._free(name)
         if at and at in self.in_cabinet:
@@ -270,7 +272,7 @@ class Draft:
         x, y, z = place
         self._rows["devices"].append(
             {"device": free, "kind": kind, "segment": segment, "x_m": x, "y_m": y, "z_m": z,
-             "at": at}
+             "at": at, "line": line}
         )  # fmt: skip
         return free
 
@@ -295,11 +297,12 @@ class Draft:
     ) -> None:
         """Add a cable, named after its point, or numbered within its segment or box."""
         a, b = ends
-        name = f"{kind} {b}"
+        suffix = f" {line}" if line else ""
+        name = f"{kind} {b}{suffix}"
         if kind in ("trunk", "feeder"):
             of = f"{segment or b} {kind}"
             self._numbers[of, line] += 1
-            name = f"{of} {self._numbers[of, line]}{f' {line}' if line else ''}"
+            name = f"{of} {self._numbers[of, line]}{suffix}"
         self._rows["cables"].append(
             {"run": self._free(name), "cable": cable.id, "a": a, "b": b,
              "segment": segment, "kind": kind, "used": used, "conductors": cable.conductors,
@@ -314,12 +317,14 @@ class Draft:
             lengths[self.iolist.located] = np.nan
         return lengths
 
-    def drop(self, row: int, device: str, place: Place, segment: str, length: float) -> None:
+    def drop(
+        self, row: int, device: str, place: Place, segment: str, length: float, line: str = ""
+    ) -> None:
         """Add the cable from a device to a point."""
         wires = int(self.wires[row])
         laid = Laid(place, self.spots[row], length)
         cable = smallest(wires, spare=0)
-        self.run("drop", (device, self.tags[row]), laid, cable, wires, segment)
+        self.run("drop", (device, self.tags[row]), laid, cable, wires, segment, line)
 
     def connect(
         self, row: int, bus: str, segment: str, device: str, address: str, response: float
@@ -398,7 +403,8 @@ class Draft:
                 given |= {"x_m": x, "y_m": y, "z_m": z, "at": ""}
                 self.in_cabinet.discard(name)
             else:
-                name = self.device(name, given["kind"], row["segment"], row["end"])
+                kind, segment, line = given["kind"], row["segment"], row["line"]
+                name = self.device(name, kind, segment, row["end"], line=line)
             row |= {"a": name, "start": row["end"], "at_cabinet": False}
             if self.settings.fed:
                 laid = Laid(self.middle, row["end"])
@@ -542,21 +548,23 @@ def lay(
     hops, feeder = list(pairwise(places)), cables()[draft.settings.feeder]
     for line in ("A", "B") if doubled else ("",):
         of = f" {line}" if line else ""
-        master = draft.device(f"{segment} master{of}", "master", segment, places[0], draft.cabinet)
+        name = f"{segment} master{of}"
+        master = draft.device(name, "master", segment, places[0], draft.cabinet, line)
         # If a station has a repeater, the trunk cable to the next station starts at the repeater.
         leaving = [master, *names]
         for place in repeaters:
             name, here = names[place], places[place + 1]
             leaving[place + 1] = draft.device(
-                f"{name} repeater{of}", "repeater", segment, here, name
+                f"{name} repeater{of}", "repeater", segment, here, name, line
             )
         for (near, far), run in zip(hops, zip(leaving, names, strict=False), strict=True):
             draft.run("trunk", run, Laid(near, far), cables()[cable], PAIR, segment, line)
         for number, (at, here) in enumerate([(master, places[0]), (names[-1], places[-1])], 1):
-            draft.device(f"{segment} terminator {number}{of}", "terminator", segment, here, at)
+            name = f"{segment} terminator {number}{of}"
+            draft.device(name, "terminator", segment, here, at, line)
         if draft.settings.fed:
             name = f"{segment} supply{of}"
-            supply = draft.device(name, "supply", segment, places[0], draft.cabinet)
+            supply = draft.device(name, "supply", segment, places[0], draft.cabinet, line)
             for (near, far), run in zip(hops, pairwise([supply, *names]), strict=True):
                 draft.run("feeder", run, Laid(near, far), feeder, PAIR, segment, line)
     return names

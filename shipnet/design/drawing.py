@@ -149,7 +149,9 @@ def _rows(design: Layout) -> Iterator[_Row]:
     devices, trunks = defaultdict[str, list[_Device]](list), defaultdict[str, list[_Trunk]](list)
     feeders = design.cables[design.cables["kind"] == "feeder"]
     fed = dict(zip(feeders["a"].tolist(), feeders["b"].tolist(), strict=True))
-    for segment, name, kind, at in _values(design.devices, "segment", "device", "kind", "at"):
+    # Of a doubled segment, only line A is drawn.
+    first = design.devices[design.devices["line"] != "B"]
+    for segment, name, kind, at in _values(first, "segment", "device", "kind", "at"):
         # A supply without a housing is drawn beside the device that it feeds.
         devices[segment].append((name, kind, at or fed.get(name, "")))
     laid = design.cables[design.cables["kind"] == "trunk"]
@@ -245,7 +247,7 @@ def _tree(
             nodes.get(a, root).children.append(nodes[b])
     # A repeater in a housing is drawn below the device there; in the cabinet, below the master.
     for name, kind, at in devices:
-        if kind == "repeater" and name not in children and not name.endswith(" B"):
+        if kind == "repeater" and name not in children:
             nodes.get(at, root).children.append(nodes[name])
     for name, kinds in inside.items():
         drawn = nodes.get(name, root).row

@@ -252,12 +252,13 @@ class Reach:
     @cached_property
     def _joints(self) -> Integers:
         """Each device in a housing, and the housing or master that it connects to, shape (n, 2)."""
-        segment = self.design.devices["segment"].to_numpy(str)
-        master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
+        devices = self.design.devices
+        lines = list(zip(devices["segment"], devices["line"], strict=True))
+        master = {lines[n]: n for n in np.flatnonzero(self.kinds == "master")}
         joints = self._housings.copy()
         for row, (n, at) in enumerate(joints):
             if at == self._cabinet and self.kinds[n] in ("repeater", "supply"):
-                joints[row, 1] = master.get(segment[n], at)
+                joints[row, 1] = master.get(lines[n], at)
         return joints
 
     def _by_line(self, number: Integers, joints: Integers) -> Edges:

@@ -236,6 +236,8 @@ class Layout:
         if "at" not in self.devices.columns:
             inside = self.devices["kind"].isin(["master", "gateway"])
             self.devices["at"] = inside.map({True: self.cabinet, False: ""})
+        if "line" not in self.devices.columns:
+            self.devices["line"] = ""
 
     def __repr__(self) -> str:
         fit, length = int(self.points["fits"].sum()), self.cables["length_m"].sum()

@@ -483,8 +483,12 @@ def _against_rules(plan: Plan, limits: AsiLimits) -> Exceeded | None:
 # All points: modules, divided among lines that meet every limit ---------------------------------
 
 
-def plan_asi(draft: Draft, rows: Indices) -> None:
-    """Connect points to nearby AS-i modules, on as few lines as the limits allow."""
+def plan_asi(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
+    """Connect points to nearby AS-i modules, on as few lines as the limits allow.
+
+    If `doubled`, each line is laid twice, with a master, supplies, repeaters and modules of its
+    own, and each point is wired to a module of both lines.
+    """
     limits = draft.settings.asi
     places = np.where(draft.iolist.located[:, None], draft.places, draft.iolist.box_places)
     known = np.isfinite(places[rows]).all(axis=1)
@@ -504,12 +508,13 @@ def plan_asi(draft: Draft, rows: Indices) -> None:
         line = build(own, ways, draft.site.length(ways), draft.need, limits)
         return line, 1 if line.exceeded is None else inf
 
-    number = 0
+    number = draft.segments("AS-i")
     for _, line in divided(range(len(found)), lambda place: found[place].place, judge):
         assert line is not None
         if line.exceeded is None:
             number += 1
-            _Laying(draft, f"AS-i {number}", line).lay()
+            for name in ("A", "B") if doubled else ("",):
+                _Laying(draft, f"AS-i {number}", line, name).lay()
             continue
         limit, value, bound, unit = line.exceeded
         of = f" {unit}" if unit else ""
@@ -523,10 +528,10 @@ def plan_asi(draft: Draft, rows: Indices) -> None:
 class _Laying:
     """A line to add to a draft, with the names and positions of its nodes."""
 
-    def __init__(self, draft: Draft, segment: str, line: Line) -> None:
+    def __init__(self, draft: Draft, segment: str, line: Line, name: str) -> None:
         assert line.plan is not None
         assert line.drawn is not None
-        self.draft, self.segment, self.line = draft, segment, line
+        self.draft, self.segment, self.line, self.name = draft, segment, line, name
         self.plan, self.drawn = line.plan, line.drawn
         self.spots: list[Place] = [draft.middle, *(module.place for module in line.modules)]
         self.names: dict[str, str] = {}
@@ -538,8 +543,8 @@ class _Laying:
         limits = draft.settings.asi
         names["0"] = self.device("master", draft.middle, draft.cabinet)
         for slave, module in zip(self.line.slaves, self.line.modules, strict=True):
-            name = f"{segment} slave {slave.label}"
-            names[slave.node] = draft.device(name, "module", segment, module.place)
+            what = f"slave {slave.label}"
+            names[slave.node] = self.device("module", module.place, what=what)
         self.lay_repeaters()
         for supply in self.plan.supplies:
             place = self.where[supply.node]
@@ -551,7 +556,7 @@ class _Laying:
             near, far = piece.edge
             laid = Laid(self.spots[near], self.spots[far], share=piece.share)
             ends = names[piece.near], names[piece.far]
-            draft.run("trunk", ends, laid, cables()[limits.cable], PAIR, segment)
+            draft.run("trunk", ends, laid, cables()[limits.cable], PAIR, segment, self.name)
         if limits.auxiliary and (powered := self.powered()):
             # A feeder from the cabinet along the line, up to the last module with outputs.
             source = self.device("auxiliary supply", draft.middle, draft.cabinet)
@@ -561,14 +566,15 @@ class _Laying:
                     self.feed(begin, names[str(far)], Laid(self.spots[near], self.spots[far]))
         self.connect()
 
-    def device(self, kind: str, place: Place, at: str) -> str:
+    def device(self, kind: str, place: Place, at: str = "", what: str = "") -> str:
         """Add a device, and return its name."""
-        return self.draft.device(f"{self.segment} {kind}", kind, self.segment, place, at)
+        name = f"{self.segment} {what or kind} {self.name}".rstrip()
+        return self.draft.device(name, kind, self.segment, place, at, self.name)
 
     def feed(self, begin: str, end: str, laid: Laid) -> None:
         """Add a feeder."""
         feeder = cables()[self.draft.settings.feeder]
-        self.draft.run("feeder", (begin, end), laid, feeder, PAIR, self.segment)
+        self.draft.run("feeder", (begin, end), laid, feeder, PAIR, self.segment, self.name)
 
     def lay_repeaters(self) -> None:
         """Add repeaters, beside the master or a module, or partway along a long cable."""
@@ -605,8 +611,11 @@ class _Laying:
             device = self.names[slave.node]
             for row, port, late in zip(module.rows, module.ports, response, strict=True):
                 address = f"{slave.label} {port}"
-                draft.connect(int(row), "AS-i", segment, device, address, float(late))
-                draft.drop(int(row), device, module.place, segment, np.nan)
+                if self.name != "B":
+                    draft.connect(int(row), "AS-i", segment, device, address, float(late))
+                draft.drop(int(row), device, module.place, segment, np.nan, self.name)
+        if self.name == "B":
+            return
         rows = np.concatenate([module.rows for module in line.modules])
         shares = [
             line.cycle.update_time(
@@ -626,4 +635,6 @@ class _Laying:
             repeaters=len(self.drawn.repeaters),
             supply_current_a=max(part.current for part in parts),
             lowest_v=min(min(part.voltages[node] for node, _ in part.draws) for part in parts),
+            # The host reads both masters, so no change-over is needed.
+            switch_over_ms=0.0 if self.name else np.nan,
         )  # fmt: skip

@@ -85,12 +85,21 @@ def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
 # The options, and a mix of them -----------------------------------------------------------------
 
 _PLANNERS: Mapping[str, Callable[[Draft, Indices], None]] = MappingProxyType(
-    {"home runs": plan_home_runs, "junction boxes": plan_boxes, "AS-i": plan_asi,
-     "CAN": plan_can, "CAN doubled": partial(plan_can, doubled=True),
-     "Modbus RTU": plan_modbus, "Modbus RTU doubled": partial(plan_modbus, doubled=True)}
-)  # fmt: skip
+    {
+        "home runs": plan_home_runs,
+        "junction boxes": plan_boxes,
+        "AS-i": plan_asi,
+        "AS-i doubled": partial(plan_asi, doubled=True),
+        "CAN": plan_can,
+        "CAN doubled": partial(plan_can, doubled=True),
+        "Modbus RTU": plan_modbus,
+        "Modbus RTU doubled": partial(plan_modbus, doubled=True),
+    }
+)
 
-#: The options: ways to connect points. AS-i has no doubled form, because a module has one port.
+#: The options: ways to connect points. In a doubled form, each line is laid twice. An AS-i module
+#: has one port, so the second line has modules of its own; we assume that a point can be wired to
+#: two modules at once, and count its cables, terminals and work twice.
 OPTIONS = tuple(_PLANNERS)
 
 #: Columns whose values a mix may name, in order of precedence.

@@ -131,13 +131,15 @@ def forest(design: Layout) -> Forest:
     kept = ~(feeder[own] & np.isin(kinds, ("cabinet", "gateway"))[np.stack([a, b])].any(axis=0))
     own, a, b = own[kept], a[kept], b[kept]
     outputs = feeder[own] & run_asi[own]
-    layer = np.where(outputs, _OUTPUTS, _LINE_B * (runs["line"].to_numpy()[own] == "B"))
+    # Each line of a doubled AS-i segment has its own devices, so both lines are in layer 0.
+    second = ~run_asi[own] & (runs["line"].to_numpy()[own] == "B")
+    layer = np.where(outputs, _OUTPUTS, _LINE_B * second)
     towards = trunk[own] & (kinds[b] == "repeater")
     u, v = layer * count + a, np.where(towards, _LINE_B, layer) * count + b
     nodes = _LAYERS * count
 
-    # A device in the cabinet is beside its segment's master; any other is beside its housing.
-    segments = devices["segment"].tolist()
+    # A device in the cabinet is beside the master of its line; any other is beside its housing.
+    segments = list(zip(devices["segment"], devices["line"], strict=True))
     master = {segments[number]: number for number in np.flatnonzero(kinds == "master").tolist()}
     beside = [
         master.get(segment, place) if place >= 0 and kinds[place] == "cabinet" else place
@@ -218,26 +220,26 @@ def _loads(
 ) -> tuple[Floats, Floats, Bools]:  # fmt: skip
     """Return each node's load [A], voltage drop to its worst point [V], and whether it has 24 V."""
     settings, limits, count = design.settings, design.settings.supply, len(kinds)
-    points, listed = design.points, design.iolist.points
+    listed, known = design.iolist.points, cables()
     load, spur = np.zeros((2, _LAYERS * count))
-    known = cables()
-    device = np.array([index.get(name, -1) for name in points["device"]], np.intp)
-    amps = point_currents(design).to_numpy()
-    share = np.where(listed["signal"].map(LOADS) == "solenoid", limits.simultaneity, 1.0)
-    asi, types = (points["bus"] == "AS-i").to_numpy(), listed["type"].to_numpy(object)
+    # A point on doubled AS-i lines loads both.
+    drops = design.cables[design.cables["kind"] == "drop"]
+    row = dict(zip(listed["tag"], range(len(listed)), strict=True))
+    point = np.array([row[tag] for tag in drops["b"]], np.intp)
+    device = np.array([index[name] for name in drops["a"]], np.intp)
+    amps = point_currents(design).to_numpy()[point]
+    share = np.where(listed["signal"].map(LOADS) == "solenoid", limits.simultaneity, 1.0)[point]
+    asi = (design.points["bus"] == "AS-i").to_numpy()[point]
+    types = listed["type"].to_numpy(object)[point]
     # The line itself feeds its modules, except their digital outputs.
-    from_line = asi & (types != "DO") & (device >= 0)
-    layer = np.where(asi, _OUTPUTS, 0)
-    mine = (device >= 0) & ~from_line
-    np.add.at(load, (layer * count + device)[mine], (amps * share)[mine])
+    from_line = asi & (types != "DO")
     loops = from_line & np.isin(types, ("AI", "AO"))
     np.add.at(load, device[loops], limits.loop)
-    drops = design.cables[design.cables["kind"] == "drop"]
-    row = dict(zip(points["tag"], range(len(points)), strict=True))
-    point = np.array([row[tag] for tag in drops["b"]], np.intp)
-    lost = amps[point] * drops["length_m"].to_numpy(np.float64)
+    fed = (np.where(asi, _OUTPUTS, 0) * count + device)[~from_line]
+    lost = amps * drops["length_m"].to_numpy(np.float64)
     lost *= np.array([known[name].resistance for name in drops["cable"]], np.float64)
-    np.maximum.at(spur, (layer * count + device)[point[mine[point]]], lost[mine[point]])
+    np.add.at(load, fed, (amps * share)[~from_line])
+    np.maximum.at(spur, fed, lost[~from_line])
     load[:count][kinds == "station"] += limits.station
     load[count : 2 * count], spur[count : 2 * count] = load[:count], spur[:count]
     fed_24 = np.concatenate([~on_asi, ~on_asi, np.ones(count, bool)])

@@ -91,13 +91,13 @@ _SCHEDULE = [
 
 def devices(design: Layout) -> pd.DataFrame:
     """Return all devices with position, housing, bus address and number of points."""
-    connected = design.points[design.points["bus"] != ""]
+    wired = design.cables.loc[design.cables["kind"].isin(_TO_POINT), ["a", "b"]]
     # An address begins with the device's address: a slave, a unit, or one of several messages.
-    own = connected.assign(address=connected["address"].str.split().str[0])
-    own = own.dropna(subset="address").drop_duplicates(["device", "address"])
-    of_device = own.groupby("device")["address"].agg(", ".join)
+    first = design.points.set_index("tag")["address"].str.split().str[0]
+    own = wired.assign(address=first.loc[wired["b"]].array).dropna(subset="address")
+    of_device = own.drop_duplicates(["a", "address"]).groupby("a")["address"].agg(", ".join)
     name = design.devices["device"]
-    count = name.map(connected["device"].value_counts()).fillna(0).astype(int)
+    count = name.map(wired["a"].value_counts()).fillna(0).astype(int)
     columns = ["device", "kind", "segment", "at", "x_m", "y_m", "z_m"]
     address = [of_device.get(own, "") for own in name]
     return design.devices[columns].assign(address=address, points=count)
@@ -113,7 +113,8 @@ def points(design: Layout) -> pd.DataFrame:
     reader = own["device"].where(own["bus"] != "hardwired", design.cabinet)
     number = listed.groupby([reader, listed["type"]]).cumcount() + 1
     channel = (listed["type"] + " " + number.astype(str)).where(own["bus"] != "", "")
-    ends = dict(zip(design.cables["b"], design.cables["run"], strict=True))
+    # A point on doubled AS-i lines has a cable to each; the address is that of both modules.
+    ends = dict(zip(design.cables["b"][::-1], design.cables["run"][::-1], strict=True))
     return pd.concat([listed, own.drop(columns="fits")], axis=1).assign(
         channel=channel, cable=[ends.get(tag, "") for tag in listed["tag"]]
     )

@@ -171,7 +171,7 @@ class ShipDesign(Tool):
         "With few boxes and stations, a mix may cost more than either method alone.",
     )
     doubled: bool = switch(
-        default=True, label="two lines", help="Also compare CAN and Modbus with doubled trunks."
+        default=True, label="two lines", help="Also compare each bus with two lines."
     )
     rules: str = choice(
         {name: name for name in RULE_SETS},
@@ -259,6 +259,7 @@ class ShipDesign(Tool):
             "home runs": self.home_runs,
             "junction boxes": self.junction_boxes,
             "AS-i": self.asi,
+            "AS-i doubled": self.asi and self.doubled,
             "CAN": self.can,
             "CAN doubled": self.can and self.doubled,
             "Modbus RTU": self.modbus,

@@ -16,12 +16,14 @@ from shipnet.asi.segment import Supply
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import Cycle, Transaction
 from shipnet.design import drafting
+from shipnet.design.costs import bill_table
 from shipnet.design.layout import Site
 from shipnet.design.plan_asi import Piece, draw, place_supply, response
 from shipnet.design.planning import plan
 from shipnet.design.settings import Settings
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
+from tests.design.checks import check_everything
 from tests.design.lists import table
 
 LIMITS = Settings().asi
@@ -254,6 +256,28 @@ def test_auxiliary_power_reaches_outputs_only():
     assert "auxiliary supply" not in set(none.devices["kind"])
     inputs = plan(table(rows[1:]), Site((0, 0, 0)), "AS-i")
     assert "auxiliary supply" not in set(inputs.devices["kind"])
+
+
+def test_doubled_lines_have_twice_the_parts_of_a_single_line_and_no_cut_loses_a_point():
+    rows = [("contact", 3), ("contact", 4), ("solenoid", 5), ("rtd_3wire", 60), ("contact", 130)]
+    points = table([(signal, (x, 2, 3), 1000) for signal, x in rows])
+    single, doubled = (plan(points, Site((0, 0, 0)), way) for way in ("AS-i", "AS-i doubled"))
+    check_everything(doubled, Settings())
+    # By hand: one line of 133 m past three modules, with a repeater and a second supply at it.
+    parts = {"master": 1, "module": 3, "supply": 2, "auxiliary supply": 1, "repeater": 1}
+    runs = {"trunk": 3, "drop": 5, "feeder": 2}
+    for design, lines in ((single, 1), (doubled, 2)):
+        devices, cables = Counter(design.devices["kind"]), Counter(design.cables["kind"])
+        assert devices == {"cabinet": 1, **{kind: lines * n for kind, n in parts.items()}}
+        assert cables == {kind: lines * n for kind, n in runs.items()}
+        worst = design.failures().query("kind != 'cabinet'").groupby("failure")["points_lost"].max()
+        assert worst.to_dict() == dict.fromkeys(("cut", "short", "device"), 5 if lines == 1 else 0)
+        rules = design.check("IMO").table()
+        assert ("violated" in set(rules["verdict"])) <= (lines == 1)
+    bill = [bill_table(design).set_index("item")["number"] for design in (single, doubled)]
+    assert (bill[1] / bill[0]).to_numpy() == pytest.approx(2)
+    # Both lines are needed: a cut on each loses the points beyond both.
+    assert doubled.lost(cables=["AS-i 1 trunk 3 A", "AS-i 1 trunk 3 B"]) == ("P4",)
 
 
 def test_a_line_that_violates_a_signal_rule_is_refused_with_the_rule():

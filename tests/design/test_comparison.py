@@ -19,6 +19,7 @@ from shipnet.design.designs import Design
 from shipnet.design.failures import single_failures
 from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.layout import find_cabinet
+from shipnet.design.planning import OPTIONS
 from shipnet.design.rules import Rule, RuleSet
 from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError
@@ -203,13 +204,11 @@ def test_the_headline_names_the_doubled_bus_that_would_be_the_best():
 
 def test_single_and_doubled_buses_are_columns_of_one_table():
     found = ship(30).compare((0, 0, 0))
-    assert list(found.designs) == list(found.short().columns) == [
-        "home runs", "junction boxes", "AS-i", "CAN", "CAN doubled", "Modbus RTU",
-        "Modbus RTU doubled",
-    ]  # fmt: skip
+    assert list(found.designs) == list(found.short().columns) == list(OPTIONS)
     costs, lost = found.table()["total_cost_eur"], found.table()["lost_by_cable"]
-    for bus in ("CAN", "Modbus RTU"):
-        assert costs[bus] < costs[f"{bus} doubled"] and lost[bus] > lost[f"{bus} doubled"] == 1
+    # On CAN and Modbus, a point has one cable to its station; on AS-i, one to each module.
+    for bus, least in (("AS-i", 0), ("CAN", 1), ("Modbus RTU", 1)):
+        assert costs[bus] < costs[f"{bus} doubled"] and lost[bus] > lost[f"{bus} doubled"] == least
 
 
 def test_a_list_without_positions_cannot_be_compared_and_says_what_to_give():
@@ -221,10 +220,10 @@ def test_a_list_without_positions_cannot_be_compared_and_says_what_to_give():
         f"as x, y, z or frame, deck and side; home runs, {cost} EUR, is the only design that"
     )
     table = found.table().drop(columns=["points_left_out", "pareto"]).drop(index="home runs")
-    assert len(table) == 6 and table.isna().all(axis=None)
+    assert len(table) == 7 and table.isna().all(axis=None)
     short = found.short()
-    assert short.loc["rules violated"].tolist() == ["0", *["-"] * 6]
-    assert short.loc["total cost [EUR]"].tolist() == [cost, *["-"] * 6]
+    assert short.loc["rules violated"].tolist() == ["0", *["-"] * 7]
+    assert short.loc["total cost [EUR]"].tolist() == [cost, *["-"] * 7]
     assert sum(said.endswith("(and 1 more).") for said in found.conclusions()) == 1
     assert "no point is connected" in repr(found.quantities["CAN"])
     bottom, top = found.plot(ax=Figure().subplots()).get_ylim()
@@ -249,7 +248,7 @@ def test_the_text_says_how_many_prices_are_assumed():
 def test_an_option_that_leaves_points_out_is_not_a_saving_and_gives_the_reason():
     unplaced = IoList.parse("tag,signal,home run,x,y,z\nL-1,contact,20,,,\nL-2,contact,20,5,2,3\n")
     found = unplaced.compare(small_loop().site)
-    assert found.table()["points_left_out"].tolist() == [0, 1, 1, 1, 1, 1, 1]
+    assert found.table()["points_left_out"].tolist() == [0, 1, 1, 1, 1, 1, 1, 1]
     assert found.tornado().between == ("home runs",)
     assert any("the list gives no position for L-1" in said for said in found.conclusions())
     turned = unplaced.compare(small_loop().site, ["CAN", "AS-i", "home runs", "junction boxes"])

@@ -128,7 +128,9 @@ def by_hand(design, level):
         if kind == "supply" and bus == "asi":
             price = "asi_supply"
         if kind == "module":
-            own = [types[p.tag] for p in design.points.itertuples() if p.device == device.device]
+            ends = set(design.cables.loc[design.cables["a"] == device.device, "b"])
+            ends |= set(design.points.loc[design.points["device"] == device.device, "tag"])
+            own = [types[tag] for tag in ends & types.keys()]
             price = "asi_analogue_module" if {"AI", "AO"} & set(own) else price
         price = "supply" if kind == "auxiliary supply" else price
         total["hardware_cost_eur"] += assumed[price]

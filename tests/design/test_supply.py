@@ -38,7 +38,8 @@ def solved(design):
     amps[coil] *= settings["supply.simultaneity"]
     asi = design.points["bus"] == "AS-i"
     amps[asi & ~coil] = 0
-    load = amps.groupby(design.points["device"]).sum()
+    drops = design.cables[design.cables["kind"] == "drop"]
+    load = amps.set_axis(design.points["tag"])[drops["b"]].groupby(drops["a"].to_numpy()).sum()
     station = design.devices.loc[design.devices["kind"] == "station", "device"]
     load = load.add(pd.Series(settings["supply.station"], station), fill_value=0)
     found = {}
