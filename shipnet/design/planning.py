@@ -33,7 +33,7 @@ def plan_home_runs(draft: Draft, rows: Indices) -> None:
     without_place(draft, rows[~known[rows]])
     for row in rows[known[rows]]:
         wires = int(draft.wires[row])
-        laid = Laid(draft.middle, draft.spots[row], float(given[row]))
+        laid = Laid(draft.middle, draft.spots[row], length=float(given[row]))
         ends = draft.cabinet, draft.tags[row]
         draft.run("home run", ends, laid, smallest(wires, spare=0), wires)
         draft.connect(row, "hardwired", "", draft.cabinet, "", 0.0)

@@ -34,6 +34,7 @@ def test_every_box_station_and_repeater_is_drawn_once_with_its_cable_length(opti
     assert any("on each of two lines" in text for text in said) == option.endswith("doubled")
     assert {name: found[name] for name in names} == names
     trunks = design.cables[(design.cables["kind"] == "trunk") & (design.cables["line"] != "B")]
+    trunks = trunks.drop_duplicates("b")
     lengths = Counter(f"{metres:.0f} m" for metres in trunks["length_m"])
     assert all(found[length] >= number for length, number in lengths.items())
     metres = [int(text[:-2]) for text in said if re.fullmatch(r"\d+ m", text)]

@@ -258,7 +258,7 @@ def test_failures_computed_together_give_the_same_losses_as_alone(option, seed):
     site = Site((26.0, 6.0, 14.0))
     reach = Reach(mangled(plan(ship(60, seed), site, option, settings=limits), rng))
     failures = [((run,), ()) for run in range(len(reach.design.cables))]
-    failures += [*reach.shorts, *(((), (device,)) for device in range(len(reach.design.devices)))]
+    failures += [*reach.shorts(), *(((), (device,)) for device in range(len(reach.design.devices)))]
     alone = [reach.lost([failure])[0].tolist() for failure in failures]
     assert [points.tolist() for points in reach.lost(failures)] == alone
 
