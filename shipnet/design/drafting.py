@@ -291,14 +291,9 @@ class Draft:
             of = f"{segment or b} {kind}"
             self._numbers[of, line] += 1
             name = f"{of} {self._numbers[of, line]}{suffix}"
-        row: dict[str, Any] = {
-            "run": self._free(name),
-            "cable": cable.id,
-            "a": a,
-            "b": b,
-            "segment": segment,
-        }
-        row |= {"kind": kind, "used": used, "conductors": cable.conductors, "line": line}
+        row: dict[str, Any] = {"run": self._free(name), "cable": cable.id, "a": a, "b": b}
+        row |= {"segment": segment, "kind": kind, "line": line}
+        row |= {"used": used, "conductors": cable.conductors}
         row["at_cabinet"] = not self.in_cabinet.isdisjoint(ends)
         self._rows["cables"].append({**row, **laid._asdict()})
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -134,7 +133,13 @@ def site_of(iolist: PointTable, cabinet: Where, settings: Settings) -> tuple[Sit
         return cabinet, ""
     place, said = cabinet, ""
     if isinstance(cabinet, str):
-        place = _typed(cabinet)
+        try:
+            x, y, z = map(float, cabinet.replace(";", ",").split(","))
+            place = Site((x, y, z)).cabinet
+        except ValueError:
+            raise ArgumentError(
+                f"cabinet is {cabinet!r}; it must be three numbers x, y, z in m, such as 26,6,14"
+            ) from None
     elif cabinet is None:
         place, said = (0.0, 0.0, 0.0), "the list gives every cable length to the cabinet"
         if lost := int(iolist.points["home_run_m"].isna().sum()):
@@ -151,54 +156,28 @@ def site_of(iolist: PointTable, cabinet: Where, settings: Settings) -> tuple[Sit
     return Site(place, settings.detour, settings.tails), said  # type: ignore[arg-type]
 
 
-def _typed(cabinet: str) -> Place:
-    """Return a position given as text."""
-    try:
-        x, y, z = map(float, cabinet.replace(";", ",").split(","))
-        return Site((x, y, z)).cabinet
-    except ValueError:
-        raise ArgumentError(
-            f"cabinet is {cabinet!r}; it must be three numbers x, y, z in m, such as 26,6,14"
-        ) from None
-
-
 # The tables of a design: points, devices, cables, segments, and reasons -----------------------
 
 #: Columns of each table, with their types; a table may have more columns.
-COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
-    {
-        "points": {
-            "tag": "str", "bus": "str", "segment": "str", "device": "str", "address": "str",
-            "response_ms": "float", "fits": "bool",
-        },
-        "devices": {
-            "device": "str", "kind": "str", "segment": "str",
-            "x_m": "float", "y_m": "float", "z_m": "float",
-        },
-        "cables": {
-            "run": "str", "cable": "str", "a": "str", "b": "str", "segment": "str", "kind": "str",
-            "route_m": "float", "length_m": "float", "used": "int", "conductors": "int",
-            "at_cabinet": "bool", "line": "str",
-        },
-        "segments": {
-            "segment": "str", "bus": "str", "points": "int", "devices": "int", "length_m": "float",
-            "bus_time": "float", "capacity_used": "float", "response_ms": "float",
-            "slowest_update_ms": "float",
-        },
-        "reasons": {
-            "subject": "str", "limit": "str", "value": "float", "bound": "float", "unit": "str",
-            "text": "str",
-        },
-    }
-)  # fmt: skip
-
-
-_DTYPES: Mapping[str, Any] = {"float": float, "int": np.int64, "bool": bool}
+_TABLES = {
+    "points": "tag bus segment device address response_ms:float fits:bool",
+    "devices": "device kind segment x_m:float y_m:float z_m:float",
+    "cables": "run cable a b segment kind route_m:float length_m:float used:int conductors:int "
+    "at_cabinet:bool line",
+    "segments": "segment bus points:int devices:int length_m:float bus_time:float "
+    "capacity_used:float response_ms:float slowest_update_ms:float",
+    "reasons": "subject limit value:float bound:float unit text",
+}
+_DTYPES: Mapping[str, Any] = {"": object, "float": float, "int": np.int64, "bool": bool}
+COLUMNS: Mapping[str, Mapping[str, Any]] = {
+    table: {name: _DTYPES[kind] for name, _, kind in (c.partition(":") for c in columns.split())}
+    for table, columns in _TABLES.items()
+}
 
 
 def frame(table: str, rows: Any = ()) -> pd.DataFrame:
     """Return a table of a design with its columns in order and converted to their types."""
-    types = {column: _DTYPES.get(kind, object) for column, kind in COLUMNS[table].items()}
+    types = COLUMNS[table]
     if not isinstance(rows, pd.DataFrame | Mapping):
         rows = list(rows)
         more = dict.fromkeys(name for row in rows for name in row if name not in types)

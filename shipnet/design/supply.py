@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -25,14 +25,13 @@ from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 
 #: Setting with the current of each signal; other signals draw no current.
-LOADS: Mapping[str, str] = MappingProxyType(
-    {
-        "contact": "contact", "contact_common": "contact", "namur": "contact",
-        "proximity_3wire": "sensor", "potentiometer": "sensor",
-        "current_loop": "loop", "current_loop_3wire": "loop", "analogue_output": "loop",
-        "solenoid": "solenoid", "solenoid_common": "solenoid",
-    }
-)  # fmt: skip
+_SIGNALS = {
+    "contact": "contact contact_common namur",
+    "sensor": "proximity_3wire potentiometer",
+    "loop": "current_loop current_loop_3wire analogue_output",
+    "solenoid": "solenoid solenoid_common",
+}
+LOADS = {signal: load for load, signals in _SIGNALS.items() for signal in signals.split()}
 
 #: Layers of nodes, each with one node per device: 0 for single lines, lines A and AS-i lines; 1
 #: for lines B and the master side of AS-i repeaters; 2 for feeders of the outputs of AS-i modules.
@@ -90,18 +89,17 @@ class Forest:
         parent, length = self.parent.copy(), self.metres.copy()
         parent[list(nodes)], length[list(nodes)] = new, metres
 
-        def grown(array: npt.NDArray[Any], with_: Any) -> npt.NDArray[Any]:
-            return np.concatenate([array, np.full(len(new), with_, array.dtype)])
-
-        parent = grown(parent, -1)
-        root, levels = _rooted(parent, np.append(self.fed, new))
-        return replace(
-            self, parent=parent, metres=grown(length, 0), root=root, levels=levels,
-            device=grown(self.device, -1), run=grown(self.run, -1), ohms=grown(self.ohms, 0),
-            load=grown(self.load, 0), short=grown(self.short, 0), spur=grown(self.spur, 0),
-            allowed=grown(self.allowed, 0),
-            supply={**self.supply, **dict.fromkeys(new.tolist(), -1)},
-        )  # fmt: skip
+        fills = dict.fromkeys(("ohms", "metres", "load", "short", "spur", "allowed"), 0)
+        fills |= {"device": -1, "run": -1, "parent": -1}
+        changed = replace(self, parent=parent, metres=length)
+        arrays = {name: getattr(changed, name) for name in fills}
+        longer = {
+            name: np.concatenate([array, np.full(len(new), fills[name], array.dtype)])
+            for name, array in arrays.items()
+        }
+        root, levels = _rooted(longer["parent"], np.append(self.fed, new))
+        supply = {**self.supply, **dict.fromkeys(new.tolist(), -1)}
+        return replace(changed, root=root, levels=levels, supply=supply, **longer)
 
 
 def _rooted(parent: Indices, nodes: Indices) -> tuple[Indices, tuple[Indices, ...]]:
@@ -158,20 +156,28 @@ def forest(design: Layout) -> Forest:
     root, levels = _rooted(parent, order[order < nodes].astype(np.intp))
 
     known = cables()
-    each = np.array([
+    each = [
         CABLES[known[name].line].resistance if of_trunk else known[name].resistance
         for name, of_trunk in zip(runs["cable"].iloc[own], trunk[own], strict=True)
-    ], dtype=np.float64)  # fmt: skip
+    ]
     ohms, metres = np.zeros(len(runs) + 1), np.append(runs["length_m"].to_numpy(float), 0.0)
     ohms[own] = each
     load, spur, fed_24 = _loads(design, kinds, beside, on_asi, index, set(v.tolist()))
-    limits = settings.supply
+    limits, drop_asi = settings.supply, settings.asi.voltage - slave_voltage()
     return Forest(
-        np.arange(nodes, dtype=np.intp) % count, parent, run, metres[run], ohms[run], load,
-        np.where(fed_24, limits.short, 0.0), spur,
-        np.where(fed_24, limits.drop * limits.voltage, settings.asi.voltage - slave_voltage()),
-        root, MappingProxyType(supply), levels,
-    )  # fmt: skip
+        device=np.arange(nodes, dtype=np.intp) % count,
+        parent=parent,
+        run=run,
+        metres=metres[run],
+        ohms=ohms[run],
+        load=load,
+        short=np.where(fed_24, limits.short, 0.0),
+        spur=spur,
+        allowed=np.where(fed_24, limits.drop * limits.voltage, drop_asi),
+        root=root,
+        supply=MappingProxyType(supply),
+        levels=levels,
+    )
 
 
 @cache
@@ -215,9 +221,13 @@ def point_currents(design: Layout) -> pd.Series[float]:
 
 
 def _loads(
-    design: Layout, kinds: npt.NDArray[np.object_], beside: Sequence[int], on_asi: Bools,
-    index: Mapping[str, int], ends: set[int],
-) -> tuple[Floats, Floats, Bools]:  # fmt: skip
+    design: Layout,
+    kinds: npt.NDArray[np.object_],
+    beside: Sequence[int],
+    on_asi: Bools,
+    index: Mapping[str, int],
+    ends: set[int],
+) -> tuple[Floats, Floats, Bools]:
     """Return each node's load [A], voltage drop to its worst point [V], and whether it has 24 V."""
     settings, limits, count = design.settings, design.settings.supply, len(kinds)
     listed, known = design.iolist.points, cables()
@@ -300,9 +310,9 @@ def sized(design: Layout) -> Feeders:
     most, into = np.full(len(flow), np.inf), np.zeros(len(flow))
     np.minimum.at(most, roots, left)
     np.maximum.at(into, roots, flow[feeders] + limits.short)
-    fits = np.array([
-        (cable.resistance <= most * (1 + 1e-12)) & (cable.current >= into) for cable in sizes
-    ])  # fmt: skip
+    fits = np.array(
+        [(size.resistance <= most * (1 + 1e-12)) & (size.current >= into) for size in sizes]
+    )
     chosen = np.where(fits.any(axis=0), fits.argmax(axis=0), len(sizes) - 1)
     names = design.devices["device"].to_numpy(object)[trees.device[feeders]]
     ohms = np.array([cable.resistance for cable in sizes])[chosen[roots]]
@@ -347,12 +357,10 @@ def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: I
 
 def feeders_of(thinnest: str) -> list[Cable]:
     """Return a cable and all thicker single-pair cables, in order of cross-section."""
-    first = cables()[thinnest]
-    more = [
-        cable for cable in cables().values()
-        if "hardwired" in cable.buses and cable.conductors == 2 and cable.section > first.section
-    ]  # fmt: skip
-    return [first, *sorted(more, key=lambda cable: cable.section)]
+    known = cables()
+    pairs = [c for c in known.values() if "hardwired" in c.buses and c.conductors == 2]
+    thicker = [cable for cable in pairs if cable.section > known[thinnest].section]
+    return [known[thinnest], *sorted(thicker, key=lambda cable: cable.section)]
 
 
 def _cuts(
@@ -389,14 +397,16 @@ def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
     trees, devices, runs = forest(design), design.devices, design.cables
     (flow, drop), (_, shorted) = trees.solve(), trees.solve(short=True)
     line = devices["segment"].isin(design.segments.query("bus == 'AS-i'")["segment"])
-    given = devices[devices["kind"].isin(["supply", "auxiliary supply"])].assign(
-        voltage_v=design.settings.supply.voltage, rating_a=design.settings.supply.rating
-    )
-    given.loc[line & (given["kind"] == "supply"), ["voltage_v", "rating_a"]] = (
-        design.settings.asi.voltage, design.settings.asi.rating
-    )  # fmt: skip
+    is_supply = devices["kind"].isin(["supply", "auxiliary supply"])
+    of_line = (line & (devices["kind"] == "supply"))[is_supply]
+    limits, asi = design.settings.supply, design.settings.asi
     current = {supply: flow[root] for root, supply in trees.supply.items()}
-    given = given.assign(current_a=pd.Series(current, dtype=float)).fillna({"current_a": 0.0})
+    given = devices[is_supply].assign(
+        voltage_v=np.where(of_line, asi.voltage, limits.voltage),
+        rating_a=np.where(of_line, asi.rating, limits.rating),
+        current_a=pd.Series(current, dtype=float),
+    )
+    given = given.fillna({"current_a": 0.0})
 
     nodes = np.sort(trees.fed)
     supply = [trees.supply[root] for root in trees.root[nodes].tolist()]
@@ -422,19 +432,16 @@ def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
     )
     margin = table["lowest_v"] - table["needed_v"]
     worst = table.loc[margin.groupby(table["supply"]).idxmin()].set_index("supply")
-    feeding = table.groupby("supply").agg(
-        devices=("device", "size"),
-        length_m=("length_m", "sum"),
-        cross_section_mm2=("cross_section_mm2", "max"),
-    )
+    feeding = table.groupby("supply").agg({"length_m": "sum", "cross_section_mm2": "max"})
     feeding = feeding.join(worst[["device", "lowest_v", "needed_v"]])
     feeding = feeding.rename(columns={"device": "worst_device"})
+    feeding = feeding.assign(devices=table["supply"].value_counts())
     given = given.rename(columns={"device": "supply"}).join(feeding, on="supply")
     given = given.assign(drop_v=given["voltage_v"] - given["lowest_v"])
     return given[_SUPPLIES].reset_index(drop=True), table
 
 
-_SUPPLIES = [
-    "supply", "kind", "segment", "at", "x_m", "y_m", "z_m", "voltage_v", "current_a", "rating_a",
-    "devices", "worst_device", "drop_v", "lowest_v", "needed_v", "length_m", "cross_section_mm2",
-]  # fmt: skip
+_SUPPLIES = (
+    "supply kind segment at x_m y_m z_m voltage_v current_a rating_a devices worst_device drop_v "
+    "lowest_v needed_v length_m cross_section_mm2"
+).split()
