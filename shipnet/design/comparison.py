@@ -407,6 +407,8 @@ class Comparison:
         values = values.replace({"field_barriers": not onto})
         other = plan(self.iolist, self.site, name, settings=values, rules=self.rules)
         more = self.quantities[name]["total_cost_eur"] - other.quantities()["total_cost_eur"]
+        if np.isnan(more):  # the points without their barriers cannot be connected at all
+            return [f"{start}{'its box' if onto else 'the cabinet'}."]
         where, other_way = "the cabinet", "field_barriers, which connects such points to the bus"
         if onto:
             where, other_way = "its box", "home runs to barriers in the cabinet"
