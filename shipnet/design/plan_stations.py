@@ -141,13 +141,17 @@ def plan_can(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
                 draft.drop(int(row), device[station], box.place, name, float(length))
         draft.segment(
             np.concatenate([box.rows for box in group]),
-            segment=name, bus="CAN", devices=len(group) + 1,
-            length_m=segment.trunk.length, bus_time=segment.bus_time,
+            segment=name,
+            bus="CAN",
+            devices=len(group) + 1,
+            length_m=segment.trunk.length,
+            bus_time=segment.bus_time,
             capacity_used=max(segment.bus_time, (len(group) + 1) / limits.nodes),
-            bit_rate=segment.bit_rate, messages=len(segment.messages),
+            bit_rate=segment.bit_rate,
+            messages=len(segment.messages),
             # Every message is sent on both lines, so no change-over is needed.
             switch_over_ms=0.0 if doubled else np.nan,
-        )  # fmt: skip
+        )
 
 
 def bit_rate_for(length: float, bit_rates: Sequence[int]) -> int | None:
@@ -174,10 +178,16 @@ def _segment(draft: Draft, group: Sequence[Box], longest: float) -> tuple[_Segme
     responses = [np.nan] * len(packed)
     if parts <= 1:
         messages = MessageSet(
-            Message(str(number), number, message.dlc, period=share * message.need,
-                    deadline=(1 - share) * message.need, sender=str(place))
+            Message(
+                str(number),
+                number,
+                message.dlc,
+                period=share * message.need,
+                deadline=(1 - share) * message.need,
+                sender=str(place),
+            )
             for number, (message, place) in enumerate(packed, 1)
-        )  # fmt: skip
+        )
         answers = response_times(messages, rate)
         responses = [answer.response for answer in answers]
         if not all(answer.met for answer in answers):
@@ -191,13 +201,6 @@ def _segment(draft: Draft, group: Sequence[Box], longest: float) -> tuple[_Segme
 #: States per register, and maximum number of registers per read and per write ("MODBUS application
 #: protocol" V1.1b3, sections 6.4 and 6.12).
 _STATES, _READ, _WRITE = 16, 125, 123
-
-
-class Registers(NamedTuple):
-    """The registers of a station: the address of each point, and the requests of a scan."""
-
-    addresses: list[str]
-    requests: list[Request]
 
 
 class _Loop(NamedTuple):
@@ -245,25 +248,29 @@ def plan_modbus(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
         )
         for unit, (place, device) in enumerate(zip(order, names, strict=True), 1):
             box = group[place]
-            addresses = registers_of([draft.types[row] for row in box.rows]).addresses
+            addresses = registers_of([draft.types[row] for row in box.rows])[0]
             response = loop.scan + loop.longest[place]
             for row, length, where in zip(box.rows, box.lengths, addresses, strict=True):
                 draft.connect(int(row), "Modbus RTU", name, device, f"{unit} {where}", response)
                 draft.drop(int(row), device, box.place, name, float(length))
         everything = np.concatenate([box.rows for box in group])
         draft.segment(
-            everything, segment=name, bus="Modbus RTU",
-            devices=len(group) + 1 + len(loop.repeaters), length_m=loop.trunk.length,
+            everything,
+            segment=name,
+            bus="Modbus RTU",
+            devices=len(group) + 1 + len(loop.repeaters),
+            length_m=loop.trunk.length,
             bus_time=loop.on_wire / loop.scan,
             capacity_used=max(loop.scan / draft.need[everything].min(), len(group) / most),
             bit_rate=loop.bit_rate,
-            scan_ms=1e3 * loop.scan, repeaters=len(loop.repeaters),
+            scan_ms=1e3 * loop.scan,
+            repeaters=len(loop.repeaters),
             switch_over_ms=1e3 * loop.switch_over if doubled else np.nan,
-        )  # fmt: skip
+        )
 
 
-def registers_of(types: Sequence[str]) -> Registers:
-    """Return the registers of a station, and the requests of a scan."""
+def registers_of(types: Sequence[str]) -> tuple[list[str], list[Request]]:
+    """Return the register address of each point of a station, and the requests of a scan."""
     kinds = np.asarray(types, dtype=object)
     addresses = np.full(len(kinds), "", dtype=object)
     numbers = []
@@ -284,7 +291,7 @@ def registers_of(types: Sequence[str]) -> Registers:
         Request.write_multiple_registers(start, (0,) * min(_WRITE, outputs - start))
         for start in range(0, outputs, _WRITE)
     ]
-    return Registers(addresses.tolist(), requests)
+    return addresses.tolist(), requests
 
 
 def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[int] | None:
@@ -338,5 +345,5 @@ def _polls(limits: ModbusLimits, types: tuple[str, ...], bit_rate: int) -> list[
     timeout = limits.timeout + limits.processing + serial.frame_time(256)
     return [
         Poll(request, serial, processing=limits.processing, timeout=timeout)
-        for request in registers_of(types).requests
+        for request in registers_of(types)[1]
     ]

@@ -125,14 +125,13 @@ class Points(Cells):
         if pair not in self._meant:
             word, _ = without_safety(self.reading.signal(clean(widened(pair[1]))))
             self._meant[pair] = plain(widened(pair[0])) in spellings("type") or bool(meanings(word))
-        numbers = (cell(name) for name in (*RANGES, "conductors"))
-        return self._meant[pair] or any(map(_holds_number, numbers)) or is_frame(cell("frame"))
-
-
-def _holds_number(cell: str) -> bool:
-    return bool(cell) and any(
-        read_number(cell, ".", unit, unit) is not None for unit in ("m", "ms")
-    )
+        numbers = filter(None, (cell(name) for name in (*RANGES, "conductors")))
+        has_number = any(
+            read_number(number, ".", unit, unit) is not None
+            for number in numbers
+            for unit in ("m", "ms")
+        )
+        return self._meant[pair] or has_number or is_frame(cell("frame"))
 
 
 # Numeric columns of an I/O list: positions of points and boxes, lengths of cables, update times --
@@ -208,8 +207,8 @@ def _place_by_frames(cells: Points, numbers: dict[str, Floats]) -> None:
             )
             cells.doubt(statement, given)
             return
-        known = {row: _placed(reading, dict(zip(columns, row, strict=True)), computed)
-                 for row in set(rows)}  # fmt: skip
+        cells_of = {row: dict(zip(columns, row, strict=True)) for row in set(rows)}
+        known = {row: _placed(reading, cells_of[row], computed) for row in cells_of}
         for place in np.flatnonzero(given).tolist():
             found = known[rows[place]]
             if isinstance(found, str):
@@ -296,9 +295,6 @@ _CATEGORIES = {
     for word in (name, str(number), f"cat {name}", f"cat {number}", f"category {name}")
 }
 
-#: A signal, its intrinsic-safety marking, and the faults of the point by column.
-_Found = tuple[str, str, list[tuple[str, str]]]
-
 
 def points_of(
     sheet: Sheet, reading: Reading, *, strict: bool = False
@@ -307,7 +303,14 @@ def points_of(
     cells = Points(sheet, reading)
     texts = {name: _text(cells, name) for name in ("tag", "system", "box", "device")}
     texts["ex"] = _safety(cells)
-    _check_tags(cells, texts["tag"])
+    cells.wrong([row for row, tag in enumerate(texts["tag"]) if not tag], "tag", "a tag")
+    first: dict[str, int] = {}
+    for row, tag in enumerate(texts["tag"]):
+        before = first.setdefault(tag.casefold(), row)
+        if before != row and tag:
+            taken = f"{tag!r} is already the tag of row {cells.rows[before]}"
+            statement = f", column {cells.title('tag')}: {taken}; expected a different tag"
+            cells.fault(row, "tag", statement)
     types = {plain(word): find_signal(name) for word, name in reading.signals}
     types |= {word: found[0][0] for word, found in spellings("type").items()}
     unsafe = cells.given("ex") & ~np.fromiter(map(bool, texts["ex"]), bool, len(cells.rows))
@@ -320,9 +323,9 @@ def points_of(
     numbers = read_numbers(cells, texts["box"])
     if "system" in cells.places:
         cells.doubt("no system", ~cells.given("system"))
-    if unboxed := [row for row, box in zip(cells.rows, texts["box"], strict=True) if not box]:
-        if len(unboxed) < len(cells.rows):
-            cells.remarks.append(Remark("no box", tuple(unboxed), detail=True))
+    unboxed = tuple(row for row, box in zip(cells.rows, texts["box"], strict=True) if not box)
+    if 0 < len(unboxed) < len(cells.rows):
+        cells.remarks.append(Remark("no box", unboxed, detail=True))
     cells.check(strict=strict)
     if safe := tuple(row for row, mark in zip(cells.rows, texts["ex"], strict=True) if mark):
         cells.remarks.append(Remark("intrinsically safe, each with a barrier", safe))
@@ -330,6 +333,11 @@ def points_of(
         which = f"{count} points have" if count > 1 else "1 point has"
         statement = f"{which} no update time; the one in the settings is used, by default 1000 ms"
         cells.remarks.append(Remark(statement))
+    # The printable text of all note columns.
+    notes = [cleaned(cells.column(place)) for place in cells.places.get("note", [])]
+    together = ["; ".join(filter(None, n)) for n in zip(*notes, strict=True)] if notes else ""
+    if not "".join(together).isprintable():
+        together = ["".join(filter(str.isprintable, note)) for note in together]
     columns: dict[str, object] = {
         **texts,
         "type": [SIGNALS[name].kind for name in signals],
@@ -337,7 +345,7 @@ def points_of(
         "conductors": np.array([SIGNALS[name].conductors for name in signals], dtype=np.int64),
         **numbers,
         "category": categories,
-        "note": _notes(cells),
+        "note": together,
     }
     return pd.DataFrame({name: columns[name] for name in COLUMNS}), tuple(cells.remarks)
 
@@ -382,26 +390,6 @@ def _safety(cells: Points) -> list[str]:
     return [known.get(text, "") for text in texts]
 
 
-def _notes(cells: Points) -> list[str]:
-    """Return the printable text of each point's notes, from all note columns."""
-    columns = [cleaned(cells.column(place)) for place in cells.places.get("note", [])]
-    if not columns:
-        return [""] * len(cells.rows)
-    notes = ["; ".join(filter(None, own)) for own in zip(*columns, strict=True)]
-    return [n if n.isprintable() else "".join(filter(str.isprintable, n)) for n in notes]
-
-
-def _check_tags(cells: Points, tags: list[str]) -> None:
-    first: dict[str, int] = {}
-    cells.wrong([row for row, tag in enumerate(tags) if not tag], "tag", "a tag")
-    for row, tag in enumerate(tags):
-        before = first.setdefault(tag.casefold(), row)
-        if before != row and tag:
-            taken = f"{tag!r} is already the tag of row {cells.rows[before]}"
-            statement = f", column {cells.title('tag')}: {taken}; expected a different tag"
-            cells.fault(row, "tag", statement)
-
-
 def _look_up(cells: Points, name: str, known: Mapping[str, str], expected: str) -> list[str]:
     """Return the meaning of each cell of a column, "" if empty; unknown cells are faults."""
     found = {cell: known.get(plain(widened(cell)), "") for cell in set(cells[name])}
@@ -413,7 +401,7 @@ def _look_up(cells: Points, name: str, known: Mapping[str, str], expected: str) 
 def _signals(cells: Points, kinds: list[str], safety: list[str]) -> list[str]:
     """Return the signal of each point, and add intrinsic-safety markings to `safety`."""
     # A list has few distinct signals, so each is looked up once.
-    known: dict[tuple[str, str, str, str], _Found] = {}
+    known: dict[tuple[str, str, str, str], tuple[str, str, list[tuple[str, str]]]] = {}
     signals: list[str] = []
     taken: dict[tuple[str, str], list[int]] = {}
     words = cleaned([*map(widened, cells["signal"])])
@@ -528,8 +516,8 @@ class PointTable:
         """Read an I/O list from a CSV file or an Excel workbook."""
         found = read_sheet(path, sheet, is_titles=Points.score(reading.columns), what=_WHAT)
         near = [found.titles, *(cells for _, cells in [*found.above[-1:], *found.rows[:1]])]
-        names = {c.name for cells in near for title in cells
-                 if (c := column_of(title, reading.columns))}  # fmt: skip
+        titles = (title for cells in near for title in cells)
+        names = {column.name for t in titles if (column := column_of(t, reading.columns))}
         needed = names & {"frame", "deck", "location"} and not {"x_m", "z_m"} <= names
         if needed and not (reading.frames or reading.decks):
             places = read_sheets(path, is_place_titles)

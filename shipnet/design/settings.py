@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import MISSING, dataclass, field, fields, replace
 from difflib import get_close_matches
@@ -128,9 +128,10 @@ class AsiLimits:
     repeaters: int = whole(0, 9, help="Repeaters between the master and a module", default=2)
     tree: bool = switch("Whether the cable branches; otherwise it is a daisy chain", default=True)
     cable: str = _cable(
-        "AS-i", "Catalogue key of the cable; the flat cable has no type approval for ships",
+        "AS-i",
+        "Catalogue key of the cable; the flat cable has no type approval for ships",
         "ASI_MARINE",
-    )  # fmt: skip
+    )
     current: float = number(
         0, 10, "A", "Current of a module and its sensors, without 4-20 mA loops", default=0.065
     )
@@ -139,7 +140,7 @@ class AsiLimits:
     auxiliary: bool = switch(
         "Whether a second pair along the line feeds the outputs, from a supply in the cabinet",
         default=True,
-    )  # fmt: skip
+    )
     conversion: float = number(
         0, 10, "s", "Analogue conversion time; manufacturers state 20 to 60 ms", default=0.06
     )
@@ -161,9 +162,13 @@ class CanLimits:
         0.001, 1, "", "Highest bus load; assumed, to leave room for errors", default=0.5
     )
     period_share: float = number(
-        0.01, 0.99, "", "Period of a message as a fraction of its points' update time; the rest of "
-        "that time is the message's deadline. Assumed", default=0.5,
-    )  # fmt: skip
+        0.01,
+        0.99,
+        "",
+        "Period of a message as a fraction of its points' update time; the rest of "
+        "that time is the message's deadline. Assumed",
+        default=0.5,
+    )
     cable: str = _cable("CAN", "Catalogue key of the trunk cable", "CAN_5_0p75")
 
 
@@ -184,20 +189,30 @@ class ModbusLimits:
         (9600, 19_200, 38_400, 57_600),
     )
     length: float = number(
-        1, 10e3, "m", "Longest cable between the ends or repeaters; EIA-485 gives 4000 ft up to "
-        "100 kbit/s and less above, in inverse proportion to the bit rate", default=_RS485.length,
-    )  # fmt: skip
+        1,
+        10e3,
+        "m",
+        "Longest cable between the ends or repeaters; EIA-485 gives 4000 ft up to "
+        "100 kbit/s and less above, in inverse proportion to the bit rate",
+        default=_RS485.length,
+    )
     unit_loads: int = whole(
-        2, 256, help="Devices between ends or repeaters, master and repeaters included: EIA-485",
+        2,
+        256,
+        help="Devices between ends or repeaters, master and repeaters included: EIA-485",
         default=_RS485.receivers,
-    )  # fmt: skip
+    )
     repeaters: int = whole(0, 9, help="Maximum number of repeaters per loop", default=0)
     units: int = whole(1, 247, help="Unit ids per loop", default=247)
     processing: float = number(0, 60, "s", "Processing time of a station; assumed", default=0.005)
     timeout: float = number(
-        0.001, 60, "s", "Time that the master waits beyond the longest response before it uses the "
-        'second line; "MODBUS over serial line" gives 1 s to several seconds', default=1.0,
-    )  # fmt: skip
+        0.001,
+        60,
+        "s",
+        "Time that the master waits beyond the longest response before it uses the "
+        'second line; "MODBUS over serial line" gives 1 s to several seconds',
+        default=1.0,
+    )
     character: str = choice(
         CHARACTERS, "Data bits, parity and stop bits of a character", default="8E1"
     )
@@ -215,9 +230,13 @@ class SupplyLimits:
 
     voltage: float = number(1, 60, "V", "Voltage of a supply", default=24.0)
     drop: float = number(
-        0.001, 0.999, "", "Highest voltage drop to a station, module or coil, as a fraction of "
-        "the supply's voltage: WAGO's marine modules accept 25 % below 24 V", default=0.25,
-    )  # fmt: skip
+        0.001,
+        0.999,
+        "",
+        "Highest voltage drop to a station, module or coil, as a fraction of "
+        "the supply's voltage: WAGO's marine modules accept 25 % below 24 V",
+        default=0.25,
+    )
     rating: float = number(0.01, 1000, "A", "Largest current of a supply; assumed", default=20.0)
     station: float = number(0, 100, "A", "Current of a station without its points", default=0.5)
     contact: float = number(0, 10, "A", "Current of a contact or NAMUR switch", default=0.007)
@@ -225,9 +244,13 @@ class SupplyLimits:
         0, 10, "A", "Current of a proximity switch or potentiometer; assumed", default=0.025
     )
     loop: float = number(
-        0, 1, "A", "Current of a 4-20 mA loop or output, and of every analogue point of an AS-i "
-        "module; the upper limit is assumed", default=0.022,
-    )  # fmt: skip
+        0,
+        1,
+        "A",
+        "Current of a 4-20 mA loop or output, and of every analogue point of an AS-i "
+        "module; the upper limit is assumed",
+        default=0.022,
+    )
     solenoid: float = number(0, 10, "A", "Current of a coil: 6 W at 24 V, assumed", default=0.25)
     simultaneity: float = number(0, 1, "", "Fraction of coils that are on at once", default=0.6)
     short: float = number(
@@ -251,35 +274,49 @@ class _Plain:
         0, 60, "s", "Time in the host, added if a rule includes it; assumed", default=0.5
     )
     spare: float = number(
-        0, 10, "", "Spares as a fraction of those in use: pairs in trunks, channels of the cabinet "
-        "and the stations, and ports of AS-i modules; assumed", default=0.2,
-    )  # fmt: skip
+        0,
+        10,
+        "",
+        "Spares as a fraction of those in use: pairs in trunks, channels of the cabinet "
+        "and the stations, and ports of AS-i modules; assumed",
+        default=0.2,
+    )
     update: float = number(
-        1e-4, 3600, "s", 'Update time of a point without one in the list: "other indications" of '
-        "DNV-OS-D202, Ch. 2 Sec. 3 Table A1", default=1.0,
-    )  # fmt: skip
+        1e-4,
+        3600,
+        "s",
+        'Update time of a point without one in the list: "other indications" of '
+        "DNV-OS-D202, Ch. 2 Sec. 3 Table A1",
+        default=1.0,
+    )
     fed: bool = switch(
         "Whether cables from the cabinet feed stations and supplies in the field; otherwise "
-        "local distribution boards do, which are not counted", default=True,
-    )  # fmt: skip
+        "local distribution boards do, which are not counted",
+        default=True,
+    )
     feeder: str = _cable("hardwired", "Catalogue key of the thinnest feeder cable", "MI1P150")
     field_barriers: bool = switch(
         "Whether intrinsically safe points are on buses, through barriers in their boxes; if not, "
-        "they have home runs to barriers in the cabinet", default=False,
-    )  # fmt: skip
+        "they have home runs to barriers in the cabinet",
+        default=False,
+    )
     list_lengths: bool = switch(
         "Whether the cable lengths in the list are used even for points whose position is known",
         default=True,
-    )  # fmt: skip
+    )
 
 
 #: Settings, or values other than the defaults, by name.
 Given: TypeAlias = "Settings | Mapping[str, object] | None"
 
-_PARTS: Mapping[str, type[Any]] = MappingProxyType(
-    {"": _Plain, "boxes": BoxLimits, "asi": AsiLimits, "can": CanLimits, "modbus": ModbusLimits,
-     "supply": SupplyLimits}
-)  # fmt: skip
+_PARTS: Mapping[str, type[Any]] = {
+    "": _Plain,
+    "boxes": BoxLimits,
+    "asi": AsiLimits,
+    "can": CanLimits,
+    "modbus": ModbusLimits,
+    "supply": SupplyLimits,
+}
 
 _HEAD = """\
 # The settings of a comparison. Change values if you know better ones, and delete the other lines.
@@ -379,7 +416,13 @@ class Settings(_Plain):
             faults += wrong
         object.__setattr__(self, "reading", reading)
         taken: dict[str, dict[str, Any]] = {}
-        for name, value in _flat({n: v for n, v in values.items() if n not in words}):
+        flat: list[tuple[str, object]] = []
+        for name, value in values.items():
+            if name not in words and isinstance(value, Mapping) and "." not in name:
+                flat += [(f"{name}.{inner}", each) for inner, each in value.items()]
+            elif name not in words:
+                flat.append((name, value))
+        for name, value in flat:
             try:
                 kind = kind_of(name)
             except ArgumentError as fault:
@@ -487,9 +530,10 @@ class Settings(_Plain):
                 lines += [f"# {line}" for line in wrap(said, 98)]
             lines += [f"{own} = {shown(self[name])}", ""]
         for words, pairs in zip(Reading._fields, self.reading, strict=True):
-            own_words = [f"{dumps(word, ensure_ascii=False)} = {dumps(value, ensure_ascii=False)}"
-                         for word, value in pairs]  # fmt: skip
-            lines += ["", f"[{words}]", *own_words] if own_words else ["", _EXAMPLES[words]]
+            quoted = [[dumps(each, ensure_ascii=False) for each in pair] for pair in pairs]
+            lines += (
+                ["", f"[{words}]", *map(" = ".join, quoted)] if pairs else ["", _EXAMPLES[words]]
+            )
         return "\n".join(lines) + "\n"
 
 
@@ -551,15 +595,6 @@ def shown(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return f'"{value}"' if isinstance(value, str) else repr(value)
-
-
-def _flat(values: Mapping[str, object]) -> Iterable[tuple[str, object]]:
-    """Yield values by dotted name; a table within a table is not flattened."""
-    for name, value in values.items():
-        if isinstance(value, Mapping) and "." not in name:
-            yield from ((f"{name}.{own}", one) for own, one in value.items())
-        else:
-            yield name, value
 
 
 def _plain(value: object) -> object:

@@ -72,8 +72,8 @@ def schedule(design: Layout) -> pd.DataFrame:
     """Return the cable schedule: one row per cable, for ordering and installation."""
     runs, known = design.cables, catalogue()
     at = design.devices.set_index("device")["at"]
-    names = {"run": "cable", "a": "from", "b": "to", "cable": "type", "conductors": "cores",
-             "used": "cores_used"}  # fmt: skip
+    names = {"run": "cable", "a": "from", "b": "to", "cable": "type"}
+    names |= {"conductors": "cores", "used": "cores_used"}
     table = runs.rename(columns=names).assign(
         from_in=[at[name] for name in runs["a"]],
         to_in=[at.get(name, "") for name in runs["b"]],
@@ -83,10 +83,10 @@ def schedule(design: Layout) -> pd.DataFrame:
     return table[_SCHEDULE]
 
 
-_SCHEDULE = [
-    "cable", "from", "from_in", "to", "to_in", "type", "description", "cores", "cores_used",
-    "length_m", "tails_m", "route_m", "kind", "segment", "line",
-]  # fmt: skip
+_SCHEDULE = (
+    "cable from from_in to to_in type description cores cores_used length_m tails_m route_m kind "
+    "segment line"
+).split()
 
 
 def devices(design: Layout) -> pd.DataFrame:
