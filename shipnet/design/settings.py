@@ -113,6 +113,7 @@ class AsiLimits:
 
     Sources: ICN magazine, July 2007 (length, shared addresses); kim2023, section 3.3 (repeaters,
     ports); ifm AC2216 and AC2526 (channels); Schneider D-SA-0011271 (current); Murr (rating).
+    The flat cable has no type approval for ships.
     """
 
     shared: bool = switch(
@@ -127,19 +128,14 @@ class AsiLimits:
     length: float = number(1, 10e3, "m", "Longest segment, including branches", default=100.0)
     repeaters: int = whole(0, 9, help="Repeaters between the master and a module", default=2)
     tree: bool = switch("Whether the cable branches; otherwise it is a daisy chain", default=True)
-    cable: str = _cable(
-        "AS-i",
-        "Catalogue key of the cable; the flat cable has no type approval for ships",
-        "ASI_MARINE",
-    )
+    cable: str = _cable("AS-i", "Catalogue key of the cable", "ASI_MARINE")
     current: float = number(
         0, 10, "A", "Current of a module and its sensors, without 4-20 mA loops", default=0.065
     )
     voltage: float = number(1, 60, "V", "Voltage of a supply", default=30.0)
     rating: float = number(0.01, 100, "A", "Largest current of a supply", default=8.0)
     auxiliary: bool = switch(
-        "Whether a second pair along the line feeds the outputs, from a supply in the cabinet",
-        default=True,
+        "Whether a second pair feeds the outputs from a supply in the cabinet", default=True
     )
     conversion: float = number(
         0, 10, "s", "Analogue conversion time; manufacturers state 20 to 60 ms", default=0.06
@@ -151,7 +147,11 @@ class AsiLimits:
 
 @record(slots=True)
 class CanLimits:
-    """Limits of a CAN segment; NMEA 2000 allows 50 nodes (Maretron's guide, pp. 20-21)."""
+    """Limits of a CAN segment; NMEA 2000 allows 50 nodes (Maretron's guide, pp. 20-21).
+
+    The load leaves room for errors. The update time of a point is at least the period of its
+    message and the message's deadline together; both shares are assumed.
+    """
 
     bit_rates: tuple[int, ...] = _bit_rates(
         "Bit rates to choose from; a segment uses the highest that its length allows",
@@ -162,12 +162,7 @@ class CanLimits:
         0.001, 1, "", "Highest bus load; assumed, to leave room for errors", default=0.5
     )
     period_share: float = number(
-        0.01,
-        0.99,
-        "",
-        "Period of a message as a fraction of its points' update time; the rest of "
-        "that time is the message's deadline. Assumed",
-        default=0.5,
+        0.01, 0.99, "", "Message period per update time; the rest is the deadline", default=0.5
     )
     cable: str = _cable("CAN", "Catalogue key of the trunk cable", "CAN_5_0p75")
 
@@ -180,8 +175,9 @@ _RS485 = INTERFACES["RS-485"]
 class ModbusLimits:
     """Limits of a Modbus RTU loop on RS-485.
 
-    Sources: EIA-485 (length, unit loads); "MODBUS over serial line" V1.02, sections 2.2 and 2.4.1
-    (unit ids, time-out).
+    Sources: EIA-485 (length: 4000 ft up to 100 kbit/s and less above, in inverse proportion to the
+    bit rate; unit loads, master and repeaters included); "MODBUS over serial line" V1.02, sections
+    2.2 and 2.4.1 (unit ids; time-out of 1 s to several seconds beyond the longest response).
     """
 
     bit_rates: tuple[int, ...] = _bit_rates(
@@ -189,29 +185,16 @@ class ModbusLimits:
         (9600, 19_200, 38_400, 57_600),
     )
     length: float = number(
-        1,
-        10e3,
-        "m",
-        "Longest cable between the ends or repeaters; EIA-485 gives 4000 ft up to "
-        "100 kbit/s and less above, in inverse proportion to the bit rate",
-        default=_RS485.length,
+        1, 10e3, "m", "Longest cable between ends or repeaters: EIA-485", default=_RS485.length
     )
     unit_loads: int = whole(
-        2,
-        256,
-        help="Devices between ends or repeaters, master and repeaters included: EIA-485",
-        default=_RS485.receivers,
+        2, 256, help="Devices between ends or repeaters: EIA-485", default=_RS485.receivers
     )
     repeaters: int = whole(0, 9, help="Maximum number of repeaters per loop", default=0)
     units: int = whole(1, 247, help="Unit ids per loop", default=247)
     processing: float = number(0, 60, "s", "Processing time of a station; assumed", default=0.005)
     timeout: float = number(
-        0.001,
-        60,
-        "s",
-        "Time that the master waits beyond the longest response before it uses the "
-        'second line; "MODBUS over serial line" gives 1 s to several seconds',
-        default=1.0,
+        0.001, 60, "s", "Time without a response until the second line is used", default=1.0
     )
     character: str = choice(
         CHARACTERS, "Data bits, parity and stop bits of a character", default="8E1"
@@ -225,17 +208,12 @@ class SupplyLimits:
 
     Sources: WAGO 750-1405 (voltage drop: "24 VDC (-25 ... +30 %)", with approvals by DNV and GL),
     750-531 (short) and the manuals of the series 750 (station: "500 mA" at most); Atlas Copco
-    A4530001 (contact). Values without a source are assumed.
+    A4530001 (contact). Values without a source are assumed, and so is the upper limit of a loop.
     """
 
     voltage: float = number(1, 60, "V", "Voltage of a supply", default=24.0)
     drop: float = number(
-        0.001,
-        0.999,
-        "",
-        "Highest voltage drop to a station, module or coil, as a fraction of "
-        "the supply's voltage: WAGO's marine modules accept 25 % below 24 V",
-        default=0.25,
+        0.001, 0.999, "", "Highest voltage drop to a load per supply voltage: WAGO", default=0.25
     )
     rating: float = number(0.01, 1000, "A", "Largest current of a supply; assumed", default=20.0)
     station: float = number(0, 100, "A", "Current of a station without its points", default=0.5)
@@ -244,12 +222,7 @@ class SupplyLimits:
         0, 10, "A", "Current of a proximity switch or potentiometer; assumed", default=0.025
     )
     loop: float = number(
-        0,
-        1,
-        "A",
-        "Current of a 4-20 mA loop or output, and of every analogue point of an AS-i "
-        "module; the upper limit is assumed",
-        default=0.022,
+        0, 1, "A", "Current of a 4-20 mA loop, or of an analogue AS-i point", default=0.022
     )
     solenoid: float = number(0, 10, "A", "Current of a coil: 6 W at 24 V, assumed", default=0.25)
     simultaneity: float = number(0, 1, "", "Fraction of coils that are on at once", default=0.6)
@@ -263,7 +236,11 @@ class SupplyLimits:
 
 @record
 class _Plain:
-    """Settings whose names have no dot."""
+    """Settings whose names have no dot.
+
+    The update time is that of "other indications" in Ch. 2 Sec. 3 Table A1. Spares are pairs in
+    trunks, channels of the cabinet and the stations, and ports of AS-i modules; assumed.
+    """
 
     detour: float = number(
         1, 10, "", "Laid length of a cable as a multiple of its route; assumed", default=1.15
@@ -274,35 +251,20 @@ class _Plain:
         0, 60, "s", "Time in the host, added if a rule includes it; assumed", default=0.5
     )
     spare: float = number(
-        0,
-        10,
-        "",
-        "Spares as a fraction of those in use: pairs in trunks, channels of the cabinet "
-        "and the stations, and ports of AS-i modules; assumed",
-        default=0.2,
+        0, 10, "", "Spare pairs, channels and ports as a fraction of those in use", default=0.2
     )
     update: float = number(
-        1e-4,
-        3600,
-        "s",
-        'Update time of a point without one in the list: "other indications" of '
-        "DNV-OS-D202, Ch. 2 Sec. 3 Table A1",
-        default=1.0,
+        1e-4, 3600, "s", "Update time of a point without one: DNV-OS-D202, Table A1", default=1.0
     )
     fed: bool = switch(
-        "Whether cables from the cabinet feed stations and supplies in the field; otherwise "
-        "local distribution boards do, which are not counted",
-        default=True,
+        "Whether the cabinet, not local boards, feeds stations and supplies", default=True
     )
     feeder: str = _cable("hardwired", "Catalogue key of the thinnest feeder cable", "MI1P150")
     field_barriers: bool = switch(
-        "Whether intrinsically safe points are on buses, through barriers in their boxes; if not, "
-        "they have home runs to barriers in the cabinet",
-        default=False,
+        "Whether intrinsically safe points are on buses, with barriers in boxes", default=False
     )
     list_lengths: bool = switch(
-        "Whether the cable lengths in the list are used even for points whose position is known",
-        default=True,
+        "Whether the list's cable lengths are used even for points with a position", default=True
     )
 
 

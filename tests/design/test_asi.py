@@ -54,12 +54,15 @@ def fewest_repeaters(edges, length, limits):
         metres = {frozenset(edge): length[edge[1]] for edge in segment["edges"]}
         drop = min(
             max(
-                sum(amps * metres[run] for b, amps in drawn.items()
-                    for run in cables[supply, a] & cables[supply, b])
+                sum(
+                    amps * metres[run]
+                    for b, amps in drawn.items()
+                    for run in cables[supply, a] & cables[supply, b]
+                )
                 for a in graph
             )
             for supply in graph
-        )  # fmt: skip
+        )
         lowest = limits.voltage - CABLES["as-i 1.5"].resistance * current * drop
         return drawn.total() * current <= limits.rating and lowest >= 26.5
 
@@ -136,8 +139,16 @@ def test_a_line_is_divided_within_its_limits_into_the_fewest_segments(places, mo
         return
     depth = {"0": 0}
     for into, out in drawn.repeaters:
-        depth[out] = depth[next(h for h, own in drawn.segments.items()
-                                if into in {h, *(piece.far for piece in own)})] + 1  # fmt: skip
+        depth[out] = (
+            depth[
+                next(
+                    h
+                    for h, own in drawn.segments.items()
+                    if into in {h, *(piece.far for piece in own)}
+                )
+            ]
+            + 1
+        )
     assert set(depth) == set(drawn.segments) and max(depth.values()) <= series
     for head, segment in drawn.segments.items():
         assert sum(piece.length for piece in segment) <= most + 1e-9
@@ -204,8 +215,10 @@ def test_the_supply_is_where_the_voltage_drop_is_least(hops, currents):
 
 
 def test_the_supply_stays_in_the_cabinet_while_the_voltage_allows_it():
-    near, far = (plan(table([("contact", (x, 0, 0), 1000)] * n), Site((0, 0, 0)), "AS-i")
-                 for x, n in ((50, 4), (80, 160)))  # fmt: skip
+    near, far = (
+        plan(table([("contact", (x, 0, 0), 1000)] * n), Site((0, 0, 0)), "AS-i")
+        for x, n in ((50, 4), (80, 160))
+    )
     assert near.devices.loc[near.devices["kind"] == "supply", "at"].tolist() == ["cabinet"]
     assert "feeder" not in set(near.cables["kind"])
     supplies = far.devices[far.devices["kind"] == "supply"]
@@ -296,7 +309,8 @@ def test_the_voltage_drop_is_that_of_the_chosen_cable():
     far = table([("rtd_3wire", (90 + n, 0, 0), 1000.0) for n in range(8)])
     lowest = {
         cable: plan(far, Site((0, 0, 0)), "AS-i", settings=Settings({"asi.cable": cable}))
-        .segments["lowest_v"].min()
+        .segments["lowest_v"]
+        .min()
         for cable in ("ASI_MARINE", "ASI_FLAT25")
-    }  # fmt: skip
+    }
     assert lowest["ASI_FLAT25"] > lowest["ASI_MARINE"]

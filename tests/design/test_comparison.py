@@ -28,8 +28,13 @@ from tests.design.lists import ship, small_loop
 SHIP = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
 
 
-@given(npst.arrays(float, st.tuples(st.integers(0, 12), st.integers(1, 4)),
-                   elements=st.sampled_from([0.0, 1.0, 2.0, 3.0, np.nan, np.inf])))  # fmt: skip
+@given(
+    npst.arrays(
+        float,
+        st.tuples(st.integers(0, 12), st.integers(1, 4)),
+        elements=st.sampled_from([0.0, 1.0, 2.0, 3.0, np.nan, np.inf]),
+    )
+)
 def test_the_front_agrees_with_pairwise_comparison(values):
     worth = np.where(np.isnan(values), np.inf, values)
     beaten = [any(all(b <= a) and any(b < a) for b in worth if b is not a) for a in worth]
@@ -123,8 +128,9 @@ def test_the_headline_names_the_cheapest_design_without_violations_and_its_extra
 
 
 def test_the_headline_says_how_many_rules_are_not_verified_and_how_many_are_unread():
-    read, unread = (Rule(name, "lines of a link", 1, bound="at least", confirmed=name)
-                    for name in ("yes", "no"))  # fmt: skip
+    read, unread = (
+        Rule(name, "lines of a link", 1, bound="at least", confirmed=name) for name in ("yes", "no")
+    )
     unshown = Rule("memory", "", 0, confirmed="yes")
 
     def doubt(*rules):
@@ -276,7 +282,11 @@ def test_wrong_arguments_are_named():
         compare([])
     with pytest.raises(ArgumentError, match="with different names"):
         compare([design, design])
-    assert set(CRITERIA) <= set(compare([design]).table().columns)
+    found = compare([design])
+    assert set(CRITERIA) <= set(found.table().columns)
+    for columns in (["mass"], ["mass", "cables"]):
+        with pytest.raises(ArgumentError, match="x is 'mass'"):
+            found.plot(*columns)
 
 
 def test_the_cabinet_of_the_example_ship_is_found_from_its_home_runs():

@@ -189,8 +189,12 @@ def test_a_modbus_bit_rate_above_100_kbit_s_shortens_the_line():
     assert fast.reasons["bound"].tolist() == pytest.approx([243.8] * 2)
     # Points that need a fast line are left out unless they are near enough.
     urgent = table([("contact", (x, 0, 0), 9) for x in (80, 400)])
-    found = plan(urgent, SITE, "Modbus RTU", settings=Settings(
-        {"modbus.bit_rates": (57_600, 1_000_000), "modbus.processing": 0}))  # fmt: skip
+    found = plan(
+        urgent,
+        SITE,
+        "Modbus RTU",
+        settings=Settings({"modbus.bit_rates": (57_600, 1_000_000), "modbus.processing": 0}),
+    )
     assert found.points["fits"].tolist() == [True, False]
 
 
@@ -255,8 +259,10 @@ def test_a_mix_connects_each_kind_by_its_bus_and_the_first_choice_decides(exampl
     assert set(points.loc[points["system"] == "Fire damper", "bus"]) == {"hardwired"}
     rest = points[(points["category"] != "I") & (points["system"] != "Fire damper")]
     assert rest.groupby("type")["bus"].unique().map(list).to_dict() == {
-        "AI": ["CAN"], "DI": ["AS-i"], "DO": ["Modbus RTU"]
-    }  # fmt: skip
+        "AI": ["CAN"],
+        "DI": ["AS-i"],
+        "DO": ["Modbus RTU"],
+    }
     check_everything(design, Settings())
 
 
@@ -367,8 +373,13 @@ def test_points_without_an_update_time_have_that_of_the_settings():
 # Limits of rules on responses, and points that are intrinsically safe -----------------------------
 
 #: Inputs with an update time of 5 s, and outputs.
-SLOW = table([(signal, (x, 0, 2), 5000.0) for x in range(0, 60, 3)
-              for signal in ("contact", "current_loop", "solenoid")])  # fmt: skip
+SLOW = table(
+    [
+        (signal, (x, 0, 2), 5000.0)
+        for x in range(0, 60, 3)
+        for signal in ("contact", "current_loop", "solenoid")
+    ]
+)
 
 
 def within(seconds, applies="inputs"):

@@ -48,8 +48,10 @@ class Page(HTMLParser):
 
 
 def pictures(page):
-    return [base64.b64decode(data).decode() for data in
-            re.findall(r'src="data:image/svg\+xml;base64,([^"]*)"', page)]  # fmt: skip
+    return [
+        base64.b64decode(data).decode()
+        for data in re.findall(r'src="data:image/svg\+xml;base64,([^"]*)"', page)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -132,10 +134,20 @@ def test_the_same_comparison_gives_the_same_bytes(comparison, page, tmp_path):
 
 def test_text_of_a_list_never_becomes_markup():
     small = small_loop()
-    hostile = IoList.from_table(pd.DataFrame({
-        "tag": HOSTILE, "system": HOSTILE, "signal": "contact", "x": [5.0, 6, 7, 8], "y": 1.0,
-        "z": 1.0, "note": HOSTILE,
-    }), source="<b>list</b>.csv")  # fmt: skip
+    hostile = IoList.from_table(
+        pd.DataFrame(
+            {
+                "tag": HOSTILE,
+                "system": HOSTILE,
+                "signal": "contact",
+                "x": [5.0, 6, 7, 8],
+                "y": 1.0,
+                "z": 1.0,
+                "note": HOSTILE,
+            }
+        ),
+        source="<b>list</b>.csv",
+    )
     found = hostile.compare(small.site, ["home runs", "Modbus RTU"])
     page = replace(found, remarks=("<u>",)).html(title="<i>$1</i>", date="</title>")
     parsed = Page(page)
@@ -147,16 +159,21 @@ def test_text_of_a_list_never_becomes_markup():
 
 def test_an_option_with_a_dollar_or_a_tag_in_its_name_is_drawn_as_it_is():
     small = small_loop()
-    named = {name: getattr(small, name) for name in
-             ("iolist", "site", "points", "devices", "cables", "segments", "reasons")}  # fmt: skip
+    named = {
+        name: getattr(small, name)
+        for name in ("iolist", "site", "points", "devices", "cables", "segments", "reasons")
+    }
     odd = type(small)("$a_{<script>", **named)
     page = compare([small, odd]).html()
     assert "script" not in Page(page).tags
 
 
 def test_points_that_do_not_fit_are_listed_with_their_reason(page):
-    far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
-                                   "y": 0.0, "z": 0.0}))  # fmt: skip
+    far = IoList.from_table(
+        pd.DataFrame(
+            {"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0], "y": 0.0, "z": 0.0}
+        )
+    )
     found = far.compare((0, 0, 4), ["home runs", "AS-i"])
     words = Page(found.html()).text
     assert found.table()["points_left_out"].tolist() == [0, 1]
@@ -167,8 +184,11 @@ def test_points_that_do_not_fit_are_listed_with_their_reason(page):
 
 
 def test_figures_name_options_that_leave_points_out():
-    far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
-                                   "y": 0.0, "z": 0.0}))  # fmt: skip
+    far = IoList.from_table(
+        pd.DataFrame(
+            {"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0], "y": 0.0, "z": 0.0}
+        )
+    )
     rng = np.random.default_rng(1)
     page = far.compare(small_loop().site, ["home runs", "AS-i"], rng=rng).html()
     assert "(2 DI) of table, in no system." in Page(page).text
@@ -177,8 +197,11 @@ def test_figures_name_options_that_leave_points_out():
 
 
 def test_no_difference_is_drawn_if_all_options_leave_points_out():
-    far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
-                                   "y": 0.0, "z": 0.0}))  # fmt: skip
+    far = IoList.from_table(
+        pd.DataFrame(
+            {"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0], "y": 0.0, "z": 0.0}
+        )
+    )
     page = far.compare(small_loop().site, ["AS-i", "CAN"]).html()
     assert len(pictures(page)) == 3 + 2  # and a drawing of each design
     assert "Effect of each assumption" not in page
@@ -210,8 +233,20 @@ LIST = "tag,signal,system,x,y,z,home run\n" + "\n".join(
 def test_the_command_prints_a_table_and_writes_a_report(tmp_path, capsys):
     points, report = tmp_path / "points.csv", tmp_path / "report.html"
     points.write_text(LIST, encoding="utf-8")
-    command = ["design", str(points), "-o", str(report), "--options", "home runs, CAN", "--mix",
-               "DI=modbus rtu doubled", "--cabinet", "0,0,0", "--date", "today"]  # fmt: skip
+    command = [
+        "design",
+        str(points),
+        "-o",
+        str(report),
+        "--options",
+        "home runs, CAN",
+        "--mix",
+        "DI=modbus rtu doubled",
+        "--cabinet",
+        "0,0,0",
+        "--date",
+        "today",
+    ]
     assert main(command) == 0
     out = capsys.readouterr().out
     assert out.startswith("8 points (8 DI) of points.csv\n")

@@ -151,8 +151,9 @@ def test_unnamed_systems_do_not_count_as_one():
     unnamed = replace(design.iolist, points=design.iolist.points.assign(system=""))
     row = judged(changed(design, iolist=unnamed), "systems on one link", 1.0)
     assert (row["verdict"], row["why"]) == (
-        "not verified", "the list names no system for 4 points lost in a failure",
-    )  # fmt: skip
+        "not verified",
+        "the list names no system for 4 points lost in a failure",
+    )
     partly = design.iolist.points.assign(system=["", "", "Fuel oil", "Bilge"])
     row = judged(changed(design, iolist=replace(unnamed, points=partly)), "systems on one link", 1)
     assert (row["value"], row["verdict"]) == (2, "violated")
@@ -189,8 +190,12 @@ def test_the_switch_over_of_a_loop_takes_as_long_as_in_the_simulation():
     design = planned("Modbus RTU doubled")
     row = judged(design, "switch-over", 5.0, confirmed="yes")
     line = SerialLine(9600)
-    poll = Poll(Request.read_input_registers(0, 1), line, processing=0.005,
-                   timeout=1.005 + line.frame_time(256))  # fmt: skip
+    poll = Poll(
+        Request.read_input_registers(0, 1),
+        line,
+        processing=0.005,
+        timeout=1.005 + line.frame_time(256),
+    )
     loop = Loop(3, poll)
     assert row["value"] == pytest.approx(float(loop._gaps(0, 3, 0)[1]))
     assert row["value"] == pytest.approx(sweep(loop, [Break(0)]).max())
@@ -288,11 +293,16 @@ def test_all_faults_of_a_file_are_reported_at_once(tmp_path):
         RuleSet.read(file)
     told = error.value.faults
     expected = [
-        "row 2: measure is 'respons'", "row 3: limit is 'fast'", "row 3: confirmed is 'perhaps'",
-        "row 4: limit is -1;", "row 4: applies is 'pumps'", "row 4: bound is 'about'",
-        "row 5: rule is ''", "row 6 has 8 cells; expected 7",
+        "row 2: measure is 'respons'",
+        "row 3: limit is 'fast'",
+        "row 3: confirmed is 'perhaps'",
+        "row 4: limit is -1;",
+        "row 4: applies is 'pumps'",
+        "row 4: bound is 'about'",
+        "row 5: rule is ''",
+        "row 6 has 8 cells; expected 7",
         "rule 'e' is listed twice",
-    ]  # fmt: skip
+    ]
     assert len(told) == len(expected)
     assert all(t.startswith(e) for t, e in zip(told, expected, strict=True)), told
     file.write_text("rule,measure,limit,unit\na,response,2000,ms\n", encoding="utf-8")

@@ -45,11 +45,21 @@ def test_every_value_has_a_meaning_and_a_legal_range(name):
 
 #: Another legal value for each setting.
 OTHERS = {
-    "detour": 1.3, "tails": 0, "host_time": 0.25, "spare": 0.5, "update": 2,
-    "fed": False, "feeder": "MI1P075", "can.bit_rates": [125_000], "modbus.bit_rates": [9600],
-    "modbus.character": "8N2", "asi.cable": "ASI_FLAT", "can.cable": "N2K_MID",
-    "modbus.cable": "RS485_9843", "assumptions.labour_rate": [55, 60.5, 70],
-}  # fmt: skip
+    "detour": 1.3,
+    "tails": 0,
+    "host_time": 0.25,
+    "spare": 0.5,
+    "update": 2,
+    "fed": False,
+    "feeder": "MI1P075",
+    "can.bit_rates": [125_000],
+    "modbus.bit_rates": [9600],
+    "modbus.character": "8N2",
+    "asi.cable": "ASI_FLAT",
+    "can.cable": "N2K_MID",
+    "modbus.cable": "RS485_9843",
+    "assumptions.labour_rate": [55, 60.5, 70],
+}
 
 
 def other(name):
@@ -60,9 +70,13 @@ def other(name):
         return not value
     if isinstance(value, Range):
         return [value.nominal, value.nominal, value.high + 1]
-    return value - 1 if isinstance(value, int) and value > 1 else value + 1 if isinstance(
-        value, int
-    ) else 0.9 * value  # fmt: skip
+    return (
+        value - 1
+        if isinstance(value, int) and value > 1
+        else value + 1
+        if isinstance(value, int)
+        else 0.9 * value
+    )
 
 
 def test_printed_settings_are_read_back_unchanged():
@@ -190,9 +204,32 @@ def test_files_that_are_not_settings_are_refused_in_one_line(text, fault):
 
 
 words = st.sampled_from(
-    ["detour", "asi", "[asi]", "[assumptions]", "gland", "length", " = ", "\n", ".", "[1, 2, 3]",
-     "1.5", "true", '"8E1"', "{}", "nan", "-1", "#", "[[can]]", "'", '"""', "\\", "\r", "\0"]
-)  # fmt: skip
+    [
+        "detour",
+        "asi",
+        "[asi]",
+        "[assumptions]",
+        "gland",
+        "length",
+        " = ",
+        "\n",
+        ".",
+        "[1, 2, 3]",
+        "1.5",
+        "true",
+        '"8E1"',
+        "{}",
+        "nan",
+        "-1",
+        "#",
+        "[[can]]",
+        "'",
+        '"""',
+        "\\",
+        "\r",
+        "\0",
+    ]
+)
 
 
 @given(st.lists(words, max_size=12).map("".join) | st.text(max_size=40))
@@ -209,8 +246,9 @@ def test_any_text_is_read_as_settings_or_raises_an_input_error(text):
 def test_any_encoding_and_line_ending_of_an_editor_is_read(tmp_path):
     path = tmp_path / "own.toml"
     for data in (
-        "detour = 1.5\r\ntails = 3\r\n".encode("utf-8-sig"), "detour=1.5\ntails=3".encode("utf-16"),
-    ):  # fmt: skip
+        "detour = 1.5\r\ntails = 3\r\n".encode("utf-8-sig"),
+        "detour=1.5\ntails=3".encode("utf-16"),
+    ):
         path.write_bytes(data)
         assert Settings.read(path) == Settings({"detour": 1.5, "tails": 3})
 
@@ -246,9 +284,11 @@ def test_a_comparison_and_its_report_show_changed_settings():
     told = found.changes().set_index("name")
     assert set(told["designs"]) == {"all"}
     assert told["value"].to_dict() == {
-        "detour": 1.4, "host_time": 0.25, "can.nodes": 8,
+        "detour": 1.4,
+        "host_time": 0.25,
+        "can.nodes": 8,
         "assumptions.can_station": Range(500, 500, 500),
-    }  # fmt: skip
+    }
     assert told["default"]["can.nodes"] == 50
     page = found.html()
     assert "Values that differ from the defaults." in page

@@ -23,15 +23,22 @@ def test_each_row_agrees_with_a_separate_comparison():
     assert len(table) == 12
     for detour in (1.0, 1.6):
         for points in (4, 16):
-            alone = LIST.compare(
-                (0, 0, 8), WAYS, rules="IMO",
-                settings={"boxes.points": points, "detour": detour, "tails": 4},
-            ).table().reset_index()  # fmt: skip
+            alone = (
+                LIST.compare(
+                    (0, 0, 8),
+                    WAYS,
+                    rules="IMO",
+                    settings={"boxes.points": points, "detour": detour, "tails": 4},
+                )
+                .table()
+                .reset_index()
+            )
             mine = table[(table["detour"] == detour) & (table["boxes.points"] == points)]
             pd.testing.assert_frame_equal(
-                mine.drop(columns=["detour", "boxes.points"]).reset_index(drop=True), alone,
+                mine.drop(columns=["detour", "boxes.points"]).reset_index(drop=True),
+                alone,
                 check_exact=True,
-            )  # fmt: skip
+            )
 
 
 def test_a_varied_setting_changes_only_its_own_figures():
@@ -77,7 +84,9 @@ def test_an_error_in_a_comparison_names_the_grid_point():
 def test_progress_is_reported_after_each_comparison():
     told = []
     LIST.study(
-        {"spare": [0.1, 0.2, 0.3]}, SITE, ["home runs"],
+        {"spare": [0.1, 0.2, 0.3]},
+        SITE,
+        ["home runs"],
         progress=lambda *state: told.append(state),
-    )  # fmt: skip
+    )
     assert told == [(1, 3), (2, 3), (3, 3)]
