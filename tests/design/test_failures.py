@@ -356,16 +356,7 @@ def test_unknown_cables_and_devices_are_refused():
 def test_a_network_without_points_or_cables_loses_nothing():
     design = small_loop()
     none = IoList(design.iolist.points.iloc[:0].reset_index(drop=True), "")
-    empty = Design(
-        "empty",
-        none,
-        design.site,
-        frame("points"),
-        design.devices,
-        frame("cables"),
-        design.segments,
-        design.reasons,
-    )
+    empty = replace(design, iolist=none, points=frame("points"), cables=frame("cables"))
     table = single_failures(empty)
     assert table["failure"].unique().tolist() == ["device"]
     assert table["points_lost"].sum() == 0

@@ -31,22 +31,6 @@ def yard(tmp_path):
     return tmp_path, command
 
 
-@pytest.mark.parametrize("form", ["list.csv", "list.xlsx"])
-def test_every_faulty_row_is_named_with_its_place_and_no_other(yard, form, capsys):
-    folder, command = yard
-    sheet, _, bad = messy.rows()
-    if form == "list.csv":
-        (folder / form).write_bytes(messy.as_csv(sheet))
-    else:
-        messy.as_workbook(sheet, folder / form)
-    assert main(command(form, "--faults", str(folder / "faults.csv"))) == 2
-    faults = read(folder / "faults.csv")
-    # A tag that is listed twice is a fault of the second row, which names the first.
-    assert {int(fault["row"]) for fault in faults} == set(bad)
-    assert all(fault["fault"] for fault in faults)
-    assert len(bad) == 20
-
-
 def test_the_corrected_list_gives_a_schedule_to_order_from(yard, capsys):
     folder, command = yard
     sheet, expected, _ = messy.rows(several(300, 1000), faulty=False)
