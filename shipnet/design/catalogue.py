@@ -74,8 +74,8 @@ class Cable:
 def cables() -> Mapping[str, Cable]:
     """Return the cables in the catalogue, by id."""
     with datasets.path("estimated_cables.csv").open(newline="", encoding="utf-8") as stream:
-        found = [_cable(row) for row in csv.DictReader(stream)]
-    return MappingProxyType({cable.id: cable for cable in found})
+        entries = [_cable(row) for row in csv.DictReader(stream)]
+    return MappingProxyType({cable.id: cable for cable in entries})
 
 
 def _cable(row: dict[str, str]) -> Cable:

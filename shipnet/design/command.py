@@ -63,8 +63,8 @@ def save_faults(path: str | None, file: str = "", faults: Sequence[str] = ()) ->
     """Write the faults in an I/O list to a CSV file, one per row; without a path, do nothing."""
     if path is None:
         return
-    found = [(_PLACED.fullmatch(fault), fault) for fault in faults]
-    rows = [(file, *(placed.groups("") if placed else ("", "", fault))) for placed, fault in found]
+    places = [(_PLACED.fullmatch(fault), fault) for fault in faults]
+    rows = [(file, *(placed.groups("") if placed else ("", "", fault))) for placed, fault in places]
     text = csv_text([("file", "row", "column", "fault"), *rows])
     Path(path).write_text(text, encoding="utf-8-sig", newline="")
 

@@ -74,8 +74,8 @@ def items_of(design: Layout) -> dict[str, int]:
     safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
     items = dict(_devices(design, analogue))
     bus, spare = design.points["bus"].to_numpy(), design.settings.spare
-    for reader, own in (("plc", bus == "hardwired"), ("station", np.isin(bus, _STATIONS))):
-        for kind, mask in (("digital", own & ~analogue), ("analogue", own & analogue)):
+    for reader, read in (("plc", bus == "hardwired"), ("station", np.isin(bus, _STATIONS))):
+        for kind, mask in (("digital", read & ~analogue), ("analogue", read & analogue)):
             items[f"{reader}_{kind}_channel"] = with_spare(int(mask.sum()), spare)
     # A station connected to both lines of a redundant pair has a second interface.
     trunk = design.cables[design.cables["kind"] == "trunk"]
@@ -276,8 +276,8 @@ class Model:
     def names(self) -> list[str]:
         """Names of the assumptions that the figures depend on; cable assumptions come first."""
         factors = ["laid_length", "cable_diameter"] if self.cables else []
-        own = [*factors, "labour_rate", *self.items]
-        return [*(CABLE_RANGES if self.cables else ()), *(n for n in self.assumptions if n in own)]
+        used = [*factors, "labour_rate", *self.items]
+        return [*(CABLE_RANGES if self.cables else ()), *(n for n in self.assumptions if n in used)]
 
     def figures(
         self, levels: Mapping[str, Level] | None = None, *, others: Level = "nominal"
@@ -494,9 +494,9 @@ class Tornado:
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
         low, high = self.ends["low"], self.ends["high"]
-        said = [f"{words(one)} ({number(low[one])} to {number(high[one])})" for one in self.top()]
+        swings = [f"{words(one)} ({number(low[one])} to {number(high[one])})" for one in self.top()]
         what = f"{self.subject} is {number(self.at_nominal)}{unit}"
-        return f"{what}; what matters most: {', '.join(said) or 'no assumption'}"
+        return f"{what}; what matters most: {', '.join(swings) or 'no assumption'}"
 
 
 def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> Tornado:
@@ -513,11 +513,11 @@ def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> To
         for level in LEVELS[::2]
     }
     table = pd.DataFrame(columns, index=pd.Index(names, name="assumption"), dtype=float)
-    found = Tornado(figure, pair, {option: nominal[option] for option in pair}, table)
+    result = Tornado(figure, pair, {option: nominal[option] for option in pair}, table)
     if len(pair) == 2:
         for level in ("low", "high"):
             a, b = (table[f"{option} at {level}"] for option in pair)
             table[f"difference at {level}"] = a - b
-        table["order changes"] = (found.ends * found.at_nominal < 0).any(axis=1)
-    table["swing"] = (found.ends["high"] - found.ends["low"]).abs()
-    return replace(found, every=table.sort_values("swing", ascending=False, kind="stable"))
+        table["order changes"] = (result.ends * result.at_nominal < 0).any(axis=1)
+    table["swing"] = (result.ends["high"] - result.ends["low"]).abs()
+    return replace(result, every=table.sort_values("swing", ascending=False, kind="stable"))

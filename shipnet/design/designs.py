@@ -124,11 +124,11 @@ class Design(Layout):
 
     def files(self) -> Iterator[tuple[str, bytes]]:
         """Yield the name and the content of each file that `save` writes."""
-        found = self.tables()
-        for name, table in found.items():
+        named = self.tables()
+        for name, table in named.items():
             yield f"{name}.csv", as_csv(table, digits=10)
         if find_spec("openpyxl"):
-            yield f"{tables.file_name(self.name)}.xlsx", as_workbook(found)
+            yield f"{tables.file_name(self.name)}.xlsx", as_workbook(named)
         yield f"{tables.file_name(self.name)}.svg", self.single_line().encode()
         yield "settings.toml", self.settings.text().encode()
 
@@ -146,9 +146,9 @@ class Design(Layout):
         points = self.iolist.points.set_index("tag")[["x_m", "y_m"]]
         places = pd.concat([at, points])
         for kind, colour in _COLOURS.items():
-            own = self.cables[self.cables["kind"] == kind]
-            if len(own):
-                ends = np.stack([places.loc[own[end]] for end in ("a", "b")], axis=1)
+            runs = self.cables[self.cables["kind"] == kind]
+            if len(runs):
+                ends = np.stack([places.loc[runs[end]] for end in ("a", "b")], axis=1)
                 draw_cables(ax, ends, colour, kind)
         boxes = self.devices[self.devices["kind"].isin(["box", "module", "station"])]
         ax.plot(boxes["x_m"], boxes["y_m"], "s", color="0.25", markersize=4, label="box or module")

@@ -86,9 +86,9 @@ def balanced(
         away = cdist(xyz, centres, "cityblock")
         moved = np.empty_like(labels)
         for number, seats in enumerate(room):
-            mine = np.flatnonzero(kind == number)
-            at, seat = linear_sum_assignment(np.repeat(away[mine], seats, axis=1))
-            moved[mine[at]] = seat // max(seats, 1)
+            of_kind = np.flatnonzero(kind == number)
+            at, seat = linear_sum_assignment(np.repeat(away[of_kind], seats, axis=1))
+            moved[of_kind[at]] = seat // max(seats, 1)
         if (moved == labels).all():
             break
         labels = moved
@@ -449,7 +449,7 @@ def boxes(draft: Draft, rows: Indices) -> list[Box]:
     given = draft.given_lengths("to_box_m")
     located = draft.iolist.located
     limits = draft.settings.boxes
-    found: list[Box] = []
+    made: list[Box] = []
     for name in filter(None, dict.fromkeys(names[rows])):
         inside = rows[names[rows] == name]
         places = at_box[inside][np.isfinite(at_box[inside]).all(axis=1)]
@@ -458,7 +458,7 @@ def boxes(draft: Draft, rows: Indices) -> list[Box]:
         reached = (np.isfinite(given[inside]) | located[inside]) & (len(places) > 0)
         without_place(draft, inside[~reached])
         if reached.any():
-            found.append(Box.at(str(name), places, inside[reached], given[inside[reached]]))
+            made.append(Box.at(str(name), places, inside[reached], given[inside[reached]]))
     loose = rows[names[rows] == ""]
     without_place(draft, loose[~located[loose]])
     loose = loose[located[loose]]
@@ -466,8 +466,8 @@ def boxes(draft: Draft, rows: Indices) -> list[Box]:
     for number in range(labels.max(initial=-1) + 1):
         inside = loose[labels == number]
         lengths = np.full(len(inside), np.nan)
-        found.append(Box.at(f"box {number + 1}", draft.places[inside], inside, lengths))
-    return found
+        made.append(Box.at(f"box {number + 1}", draft.places[inside], inside, lengths))
+    return made
 
 
 def without_place(draft: Draft, rows: Indices) -> None:

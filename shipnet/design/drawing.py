@@ -262,19 +262,19 @@ def _laid(root: _Node, *, star: bool) -> Sequence[_Row]:
     # The devices still to draw, each with its parent's row and lane, and its own lane.
     waiting: list[tuple[_Node, int, int, int]] = [(root, -1, -1, 0)]
     while waiting:
-        node, parent, lane, own = waiting.pop()
+        node, parent, lane, at = waiting.pop()
         here = len(rows)
-        row, row.lane = node.row, own
+        row, row.lane = node.row, at
         rows.append(row)
         if parent >= 0:
             last[parent] = here, lane
             row.above.add(lane)
-            row.branch = lane if own != lane else -1
+            row.branch = lane if at != lane else -1
         if star:
-            waiting += [(child, here, own, own + 1) for child in reversed(node.children)]
+            waiting += [(child, here, at, at + 1) for child in reversed(node.children)]
         else:
             ordered = sorted(node.children, key=lambda child: -child.size)
-            waiting += [(child, here, own, own + (n > 0)) for n, child in enumerate(ordered)]
+            waiting += [(child, here, at, at + (n > 0)) for n, child in enumerate(ordered)]
     for parent, (end, lane) in last.items():
         rows[parent].below.add(lane)
         for row in rows[parent + 1 : end]:

@@ -142,7 +142,7 @@ class Reach:
         runs, segments = self.design.cables, self.design.segments
         buses = segments.loc[segments["bus"] != "hardwired", "segment"]
         trunk = (runs["segment"].isin(buses) & (runs["kind"] == "trunk")).to_numpy()
-        found = []
+        shorts = []
         for kind, chosen in (("trunk", trunk), ("feeder", self._feeders)):
             number = np.flatnonzero(chosen)
             line = runs.iloc[number].groupby(["segment", "line"], sort=False).ngroup().to_numpy()
@@ -160,8 +160,8 @@ class Reach:
             for pair in np.split(number[order], np.flatnonzero(np.diff(label[order])) + 1):
                 ends = np.unique(self._ends[pair[self._asi[pair] & trunk[pair]]])
                 masters = ends[self.kinds[ends] == "master"]
-                found += [(pair.tolist(), masters.tolist())] * (len(pair) > 0)
-        return found
+                shorts += [(pair.tolist(), masters.tolist())] * (len(pair) > 0)
+        return shorts
 
     def alone(self) -> dict[int, int]:
         """Return the points that work over a single cable only, by the index of the cable's run."""

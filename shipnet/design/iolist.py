@@ -84,9 +84,9 @@ class IoList(PointTable):
         from shipnet.design.planning import plan
         from shipnet.design.rules import RuleSet
 
-        values, asked = Settings.of(settings), None if rules is None else RuleSet.of(rules)
+        values, limits = Settings.of(settings), None if rules is None else RuleSet.of(rules)
         site, _ = site_of(self, cabinet, values)
-        return plan(self, site, option, settings=values, mix=mix, name=name, rules=asked)
+        return plan(self, site, option, settings=values, mix=mix, name=name, rules=limits)
 
     def compare(
         self,
@@ -113,7 +113,7 @@ class IoList(PointTable):
         from shipnet.parallel import teller
 
         values, rules = Settings.of(settings), RuleSet.of(rules)
-        site, said = site_of(self, cabinet, values)
+        site, remark = site_of(self, cabinet, values)
         ways = OPTIONS if options is None else options
         each = [(option, None) for option in ways] + [("home runs", mix)] * bool(mix)
         tell = teller(progress)
@@ -121,7 +121,7 @@ class IoList(PointTable):
         for option, choose in each:
             designs.append(plan(self, site, option, settings=values, mix=choose, rules=rules))
             tell(len(designs), len(each))
-        return compared(designs, rules, check_rng(rng), (said,) if said else ())
+        return compared(designs, rules, check_rng(rng), (remark,) if remark else ())
 
     def study(
         self,
@@ -201,10 +201,10 @@ class _Case:
     def __call__(self, point: Mapping[str, Any]) -> dict[Any, list[Any]]:
         settings = self.settings.replace(point)
         site = replace(self.site, detour=settings.detour, tails=settings.tails)
-        found = self.iolist.compare(
+        comparison = self.iolist.compare(
             site, self.options, settings=settings, rules=self.rules, progress=False
         )
-        return found.table().reset_index().to_dict("list")
+        return comparison.table().reset_index().to_dict("list")
 
 
 def read_iolist(

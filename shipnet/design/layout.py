@@ -83,11 +83,11 @@ class Found(NamedTuple):
 
     def __str__(self) -> str:
         x, y, z = self.place
-        said = (
+        text = (
             f"the cabinet is assumed to be at {x:g}, {y:g}, {z:g} m, from the cable lengths of "
             f"{self.points} points, half of which agree within {max(self.misfit, 0.1):.1f} m"
         )
-        return said if self.settled else f"{said}; other positions fit too: give the correct one"
+        return text if self.settled else f"{text}; other positions fit too: give the correct one"
 
 
 def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0) -> Found:
@@ -131,7 +131,7 @@ def site_of(iolist: PointTable, cabinet: Where, settings: Settings) -> tuple[Sit
     """Return the site of a list, and a remark if `cabinet` is None, otherwise ""."""
     if isinstance(cabinet, Site):
         return cabinet, ""
-    place, said = cabinet, ""
+    place, remark = cabinet, ""
     if isinstance(cabinet, str):
         try:
             x, y, z = map(float, cabinet.replace(";", ",").split(","))
@@ -141,9 +141,9 @@ def site_of(iolist: PointTable, cabinet: Where, settings: Settings) -> tuple[Sit
                 f"cabinet is {cabinet!r}; it must be three numbers x, y, z in m, such as 26,6,14"
             ) from None
     elif cabinet is None:
-        place, said = (0.0, 0.0, 0.0), "the list gives every cable length to the cabinet"
+        place, remark = (0.0, 0.0, 0.0), "the list gives every cable length to the cabinet"
         if lost := int(iolist.points["home_run_m"].isna().sum()):
-            said = f"{lost} of {len(iolist)} points have neither a position nor a length"
+            remark = f"{lost} of {len(iolist)} points have neither a position nor a length"
         if iolist.located.any() or np.isfinite(iolist.box_places).any():
             try:
                 found = find_cabinet(iolist)
@@ -152,8 +152,8 @@ def site_of(iolist: PointTable, cabinet: Where, settings: Settings) -> tuple[Sit
                     f"cabinet is not given, and {mistake}; give its position x, y, z in m, such "
                     "as 26,6,14"
                 ) from None
-            place, said = found.place, str(found)
-    return Site(place, settings.detour, settings.tails), said  # type: ignore[arg-type]
+            place, remark = found.place, str(found)
+    return Site(place, settings.detour, settings.tails), remark  # type: ignore[arg-type]
 
 
 # The tables of a design: points, devices, cables, segments, and reasons -----------------------

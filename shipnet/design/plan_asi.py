@@ -105,7 +105,7 @@ def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
         for number in range(limits.channels, 0, -1):
             chosen = (kinds == name) & (channels == number)
             sharing.append((chosen, (name,), (number,), (limits.channels,)))
-    found = []
+    made = []
     for mask, types, room, ports in sharing:
         together = np.flatnonzero(mask)
         labels = zones(places[together], reach=limits.reach, most=_MOST)
@@ -122,8 +122,8 @@ def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
                 analogue = of[0][0] == "A"
                 profile = _ANALOGUE if analogue else _DIGITAL["DO" in of, limits.shared]
                 current = limits.current + analogue * len(of) * draft.settings.supply.loop
-                found.append(Module(profile, tuple(at), rows[chosen], names, current))
-    return found
+                made.append(Module(profile, tuple(at), rows[chosen], names, current))
+    return made
 
 
 @lru_cache(4096)
@@ -156,9 +156,9 @@ def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> In
     limits, need = draft.settings.asi, draft.need[rows]
     channels, least = np.zeros(len(rows), dtype=np.intp), np.empty(len(rows))
     for output, kind, most in ((False, "DI", limits.inputs), (True, "DO", limits.outputs)):
-        mine = kinds == kind
-        least[mine] = response(_DIGITAL[output, limits.shared], Cycle(1), limits, output=output)
-        channels[mine & (need >= least)] = most
+        of_kind = kinds == kind
+        least[of_kind] = response(_DIGITAL[output, limits.shared], Cycle(1), limits, output=output)
+        channels[of_kind & (need >= least)] = most
     analogue = np.isin(kinds, ["AI", "AO"])
     for number in range(limits.channels, 0, -1):
         late = response(_ANALOGUE, Cycle(), limits, channels=number)
@@ -182,9 +182,9 @@ def _room(
     np.add.at(used, (zone, kind), 1)
     most = np.tile(np.asarray(room, np.intp), (len(used), 1))
     number = np.ceil(used / most).max(axis=1)
-    for own, left, each in zip(used.T, most.T, ports, strict=True):
-        while number.sum() * each < with_spare(int(own.sum()), spare) and (left > 1).any():
-            fullest = np.where(left > 1, own / number, 0.0).argmax()
+    for points, left, each in zip(used.T, most.T, ports, strict=True):
+        while number.sum() * each < with_spare(int(points.sum()), spare) and (left > 1).any():
+            fullest = np.where(left > 1, points / number, 0.0).argmax()
             left[fullest] -= 1
             number[fullest] = np.ceil(used[fullest] / most[fullest]).max()
     return most
@@ -483,29 +483,29 @@ def plan_asi(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
     """Connect points to nearby AS-i modules, on as few lines as the limits allow.
 
     If `doubled`, each line is laid twice, with a master, supplies, repeaters and modules of its
-    own, and each point is wired to a module of both lines.
+    chosen, and each point is wired to a module of both lines.
     """
     limits = draft.settings.asi
     places = np.where(draft.iolist.located[:, None], draft.places, draft.iolist.box_places)
     known = np.isfinite(places[rows]).all(axis=1)
     without_place(draft, rows[~known])
     rows = rows[known]
-    found = modules(draft, rows, places[rows])
-    spots = np.array([draft.middle, *(module.place for module in found)])
+    all_modules = modules(draft, rows, places[rows])
+    spots = np.array([draft.middle, *(module.place for module in all_modules)])
 
     def judge(group: Sequence[int]) -> tuple[Line | None, float]:
-        own = [found[place] for place in group]
-        sharing = sum(module.shares for module in own)
-        needed = len(own) - sharing + ceil(sharing / 2)
+        chosen = [all_modules[place] for place in group]
+        sharing = sum(module.shares for module in chosen)
+        needed = len(chosen) - sharing + ceil(sharing / 2)
         if needed > ADDRESSES:
             return None, needed / ADDRESSES
         at = spots[[0, *(place + 1 for place in group)]]
         ways = draft.site.route(at[:, None], at[None, :])
-        line = build(own, ways, draft.site.length(ways), draft.need, limits)
+        line = build(chosen, ways, draft.site.length(ways), draft.need, limits)
         return line, 1 if line.exceeded is None else inf
 
     number = draft.segments("AS-i")
-    for _, line in divided(range(len(found)), lambda place: found[place].place, judge):
+    for _, line in divided(range(len(all_modules)), lambda place: all_modules[place].place, judge):
         assert line is not None
         if line.exceeded is None:
             number += 1

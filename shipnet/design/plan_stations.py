@@ -37,7 +37,7 @@ def _served(
     `alone` returns the shortest update time or response [s] of each point in a box that has a trunk
     of a given length [m] to itself, and a phrase for the reason.
     """
-    found = []
+    served = []
     for box in boxes(draft, rows):
         length = route_past(draft, [box]).length
         if length > longest:
@@ -50,8 +50,8 @@ def _served(
         for place in np.flatnonzero(least > need):
             draft.too_slow(box.rows[place], float(least[place]), words)
         if (least <= need).any():
-            found.append(box.part(np.flatnonzero(least <= need)))
-    return found
+            served.append(box.part(np.flatnonzero(least <= need)))
+    return served
 
 
 # CAN: messages, and segments that carry them in time --------------------------------------------
@@ -296,7 +296,7 @@ def registers_of(types: Sequence[str]) -> tuple[list[str], list[Request]]:
 
 def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[int] | None:
     """Return the stations after which a trunk needs a repeater, or None if a hop is too long."""
-    found: list[int] = []
+    repeaters: list[int] = []
     loads, laid = 1, 0.0
     for place, hop in enumerate(hops):
         if hop > length:
@@ -304,10 +304,10 @@ def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[i
         # Leave room for a repeater unless this is the last station.
         last = place == len(hops) - 1
         if laid + hop > length or loads + 1 > unit_loads - (not last):
-            found.append(place - 1)
+            repeaters.append(place - 1)
             loads, laid = 1, 0.0
         loads, laid = loads + 1, laid + hop
-    return found
+    return repeaters
 
 
 def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
@@ -316,10 +316,10 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     types = [tuple(draft.types[row] for row in box.rows) for box in group]
     needs = np.array([draft.need[box.rows].min() for box in group])
     for rate in sorted(limits.bit_rates):
-        polls = [_polls(limits, own, rate) for own in types]
-        times = [[poll.time for poll in own] for own in polls]
-        scan = sum(sum(own) for own in times)
-        longest = [max(own) for own in times]
+        polls = [_polls(limits, station, rate) for station in types]
+        times = [[poll.time for poll in station] for station in polls]
+        scan = sum(sum(station) for station in times)
+        longest = [max(station) for station in times]
         in_time = bool((scan + np.array(longest) <= needs).all())
         if in_time:
             break
@@ -327,8 +327,8 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     length = _longest_section(limits, rate)
     repeaters = sections(trunk.hops.tolist(), length=length, unit_loads=limits.unit_loads)
     fits = in_time and repeaters is not None and len(repeaters) <= limits.repeaters
-    switch_over = scan + sum(max(poll.timeout_time for poll in own) for own in polls)
-    on_wire = sum(poll.on_wire for own in polls for poll in own)
+    switch_over = scan + sum(max(poll.timeout_time for poll in station) for station in polls)
+    on_wire = sum(poll.on_wire for station in polls for poll in station)
     loop = _Loop(trunk, rate, scan, on_wire, longest, switch_over, repeaters or [])
     return loop, 1 if fits else inf
 

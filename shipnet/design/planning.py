@@ -66,8 +66,8 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
         # Start a new part where the sum of pairs passes a multiple of an equal share.
         share = np.cumsum(each) - each / 2
         part = np.minimum((share * number / each.sum()).astype(np.intp), number - 1)
-        parts = [box.rows[part == own] for own in range(number) if (part == own).any()]
-        fits = all(needed(_wires(draft, own)[1]) <= largest for own in parts)
+        parts = [box.rows[part == points] for points in range(number) if (part == points).any()]
+        fits = all(needed(_wires(draft, points)[1]) <= largest for points in parts)
         if fits or number >= len(box.rows):
             return parts
         number += 1
@@ -76,10 +76,10 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
 def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
     """Return the numbers of conductors and pairs needed; a common return counts once per signal."""
     signals, common = draft.signals[rows], draft.common[rows]
-    own, alone = draft.wires[rows] - common, common == 0
+    wires, alone = draft.wires[rows] - common, common == 0
     returns = sum(dict(zip(signals, common.tolist(), strict=True)).values())
-    pairs = ((own[alone] + 1) // 2).sum()
-    return int(own.sum()) + returns, int(pairs) + ceil((int(own[~alone].sum()) + returns) / 2)
+    pairs = ((wires[alone] + 1) // 2).sum()
+    return int(wires.sum()) + returns, int(pairs) + ceil((int(wires[~alone].sum()) + returns) / 2)
 
 
 # The options, and a mix of them -----------------------------------------------------------------

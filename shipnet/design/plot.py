@@ -43,7 +43,7 @@ def plot_points(points: pd.DataFrame, option: str, *, ax: Axes | None = None) ->
             f"the list names no device for {len(missing)} of {len(points)} points, the first is "
             f"{missing.iloc[0]}; add a column device, or draw a design: points.plan('CAN').plot()"
         )
-    devices = [(str(device), own) for device, own in points.groupby("device", sort=False)]
+    devices = [(str(device), rows_of) for device, rows_of in points.groupby("device", sort=False)]
     if ax is None:
         from matplotlib import pyplot as plt
 

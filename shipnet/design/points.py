@@ -210,11 +210,11 @@ def _place_by_frames(cells: Points, numbers: dict[str, Floats]) -> None:
         cells_of = {row: dict(zip(columns, row, strict=True)) for row in set(rows)}
         known = {row: _placed(reading, cells_of[row], computed) for row in cells_of}
         for place in np.flatnonzero(given).tolist():
-            found = known[rows[place]]
-            if isinstance(found, str):
-                cells.wrong([place], found if found in columns else "location", PLACED[found])
+            axes = known[rows[place]]
+            if isinstance(axes, str):
+                cells.wrong([place], axes if axes in columns else "location", PLACED[axes])
                 continue
-            for name, value in found.items():
+            for name, value in axes.items():
                 if name != "y_m" or np.isnan(numbers[name][place]):
                     numbers[name][place] = value
         statement = ", ".join(axis[0] for axis in computed)
@@ -239,14 +239,14 @@ def _placed(
     ways = {"x_m": ("frame", reading.along), "z_m": ("deck", reading.above)}
     if parts.get("side"):
         ways["y_m"] = ("side", off_centre)
-    found = {}
+    axes = {}
     for axis, (name, read) in ways.items():
         if axis in computed or axis == "y_m":
             value = read(parts.get(name, ""))
             if value is None:
                 return name
-            found[axis] = value
-    return found
+            axes[axis] = value
+    return axes
 
 
 def _check_partly(cells: Points, names: Sequence[str]) -> Bools:
@@ -281,7 +281,7 @@ def _check_boxes(cells: Points, boxes: Sequence[str], numbers: dict[str, Floats]
     fill = (same >= 0) & ~have.any(axis=1)
     for axis, name in enumerate(_BOX):
         numbers[name] = np.where(fill, places[same, axis], numbers[name])
-    away = [numbers[own] - numbers[box] for own, box in zip(_POSITION, _BOX, strict=True)]
+    away = [numbers[axis_of] - numbers[box] for axis_of, box in zip(_POSITION, _BOX, strict=True)]
     straight = np.sqrt(np.square(away).sum(axis=0))
     short = numbers["to_box_m"] < straight - ROUNDED
     cells.doubt("the length to the box is used, but is shorter than the straight distance", short)
@@ -312,7 +312,7 @@ def points_of(
             statement = f", column {cells.title('tag')}: {taken}; expected a different tag"
             cells.fault(row, "tag", statement)
     types = {plain(word): find_signal(name) for word, name in reading.signals}
-    types |= {word: found[0][0] for word, found in spellings("type").items()}
+    types |= {word: means[0][0] for word, means in spellings("type").items()}
     unsafe = cells.given("ex") & ~np.fromiter(map(bool, texts["ex"]), bool, len(cells.rows))
     signals = _signals(cells, _look_up(cells, "type", types, "DI, DO, AI or AO"), texts["ex"])
     disagree = unsafe & np.fromiter(map(bool, texts["ex"]), bool, len(cells.rows))
@@ -392,10 +392,10 @@ def _safety(cells: Points) -> list[str]:
 
 def _look_up(cells: Points, name: str, known: Mapping[str, str], expected: str) -> list[str]:
     """Return the meaning of each cell of a column, "" if empty; unknown cells are faults."""
-    found = {cell: known.get(plain(widened(cell)), "") for cell in set(cells[name])}
-    rows = [row for row, cell in enumerate(cells[name]) if cell and not found[cell]]
+    meaning = {cell: known.get(plain(widened(cell)), "") for cell in set(cells[name])}
+    rows = [row for row, cell in enumerate(cells[name]) if cell and not meaning[cell]]
     cells.wrong(rows, name, expected)
-    return [found[cell] for cell in cells[name]]
+    return [meaning[cell] for cell in cells[name]]
 
 
 def _signals(cells: Points, kinds: list[str], safety: list[str]) -> list[str]:
@@ -456,11 +456,11 @@ def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tup
             return "contact", [*faults, ("signal", str(error))]
         alike = ", ".join(name for name, signal in SIGNALS.items() if signal.kind == kind)
         return "contact", [*faults, ("signal", f"is empty; expected one of {alike}")]
-    own = SIGNALS[signal]
-    if (kind and own.kind != kind) or (named and named != signal):
-        faults.append(("type", f"{given!r}; expected {own.kind} for the signal {signal}"))
-    if conductors and own.conductors != conductors:
-        expected = f"expected {own.conductors} for the signal {signal}"
+    entry = SIGNALS[signal]
+    if (kind and entry.kind != kind) or (named and named != signal):
+        faults.append(("type", f"{given!r}; expected {entry.kind} for the signal {signal}"))
+    if conductors and entry.conductors != conductors:
+        expected = f"expected {entry.conductors} for the signal {signal}"
         faults.append(("conductors", f"{count!r}; {expected}"))
     return signal, faults
 
@@ -514,17 +514,17 @@ class PointTable:
         strict: bool = False,
     ) -> Self:
         """Read an I/O list from a CSV file or an Excel workbook."""
-        found = read_sheet(path, sheet, is_titles=Points.score(reading.columns), what=_WHAT)
-        near = [found.titles, *(cells for _, cells in [*found.above[-1:], *found.rows[:1]])]
+        table = read_sheet(path, sheet, is_titles=Points.score(reading.columns), what=_WHAT)
+        near = [table.titles, *(cells for _, cells in [*table.above[-1:], *table.rows[:1]])]
         titles = (title for cells in near for title in cells)
         names = {column.name for t in titles if (column := column_of(t, reading.columns))}
         needed = names & {"frame", "deck", "location"} and not {"x_m", "z_m"} <= names
         if needed and not (reading.frames or reading.decks):
             places = read_sheets(path, is_place_titles)
             reading, remarks = reading.with_sheets(places)
-            found = found.also_read([one.sheet for one in places]) if places else found
-            found = replace(found, remarks=(*found.remarks, *remarks))
-        return cls._of(found, reading, strict)
+            table = table.also_read([one.sheet for one in places]) if places else table
+            table = replace(table, remarks=(*table.remarks, *remarks))
+        return cls._of(table, reading, strict)
 
     @classmethod
     def _of(cls, sheet: Sheet, reading: Reading, strict: bool) -> Self:

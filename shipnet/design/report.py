@@ -96,10 +96,10 @@ _VERDICTS = {"met": "pass", "violated": "fail", "not verified": "open"}
 def picture(svg: str, words: str) -> str:
     """Return a picture with its caption."""
     data = b64encode(svg.encode()).decode()
-    said = escape(words)
+    caption = escape(words)
     return (
-        f'<figure><img src="data:image/svg+xml;base64,{data}" alt="{said}">'
-        f"<figcaption>{said}</figcaption></figure>"
+        f'<figure><img src="data:image/svg+xml;base64,{data}" alt="{caption}">'
+        f"<figcaption>{caption}</figcaption></figure>"
     )
 
 
@@ -257,19 +257,19 @@ _BANNER_MORE = (
 )
 
 
-def report_html(found: Any, title: str, date: str) -> str:
+def report_html(comparison: Any, title: str, date: str) -> str:
     """Return the report of `found`, a `Comparison` (`Any` because its module imports this one)."""
-    designs, takes, likely = found.designs, found.quantities, found.likely()
+    designs, takes, likely = comparison.designs, comparison.quantities, comparison.likely()
     drawn = [
         picture(sheet, f"{option}: cabinet, boxes and stations on their trunks.")
         for option, design in designs.items()
         for sheet, _ in sheets(design)
     ]
     annexes = [
-        _what(found),
-        _rules(found.findings().table(), list(designs)),
+        _what(comparison),
+        _rules(comparison.findings().table(), list(designs)),
         _failures(designs),
-        _reasons(found.reasons()),
+        _reasons(comparison.reasons()),
         _segments(designs),
         _figures(takes, likely),
         _assumptions(takes),
@@ -286,9 +286,9 @@ def report_html(found: Any, title: str, date: str) -> str:
         f'<li><a href="#annex-{letter}">{annex.partition("<h2>")[2].partition("</h2>")[0]}</a></li>'
         for letter, annex in zip("ABCDEFGHIJ", lettered, strict=False)
     )
-    compared = found.table().drop(columns="pareto")
+    compared = comparison.table().drop(columns="pareto")
     rows = [[label(str(name)), *map(number, compared[name])] for name in compared]
-    rows.append([label("pareto"), *found.table()["pareto"].map({True: "yes", False: "no"})])
+    rows.append([label("pareto"), *comparison.table()["pareto"].map({True: "yes", False: "no"})])
     side_by_side = table(
         ["", *map(str, compared.index)],
         rows,
@@ -301,16 +301,17 @@ def report_html(found: Any, title: str, date: str) -> str:
         text(title, tag="h1"),
         text(f"{date + ', ' if date else ''}shipnet {__version__}", "lead"),
         f'<p class="banner">{BANNER} <span>{_BANNER_MORE}</span></p>',
-        bullets(found.conclusions()),
+        bullets(comparison.conclusions()),
         side_by_side,
-        _pictures(found, likely),
+        _pictures(comparison, likely),
         f'<nav>\n<h2>Contents</h2>\n<ul class="contents">\n{contents}\n</ul>\n</nav>',
         *lettered,
     )
 
 
-def _what(found: Any) -> str:
-    iolist, site, changes = found.iolist, found.site, found.changes()
+def _what(comparison: Any) -> str:
+    iolist, site, changes = comparison.iolist, comparison.site, comparison.changes()
+    host = comparison.settings.host_time
     systems = iolist.points["system"].replace("", None).nunique()
     in_systems = f"{systems} system{'s' if systems > 1 else ''}" if systems else "no system"
     cabinet = ", ".join(f"{x:g}" for x in site.cabinet)
@@ -323,9 +324,9 @@ def _what(found: Any) -> str:
         where = "The list gives no positions, so every length is taken from the list."
     lines = [
         f"I/O list: {iolist}, in {in_systems}.",
-        *(f"{said[:1].upper()}{said[1:]}." for said in found.remarks),
+        *(f"{remark[:1].upper()}{remark[1:]}." for remark in comparison.remarks),
         where,
-        f"The time in the host, {found.settings.host_time:g} s{_assumed(changes, 'host_time')}, is "
+        f"The time in the host, {host:g} s{_assumed(changes, 'host_time')}, is "
         "added to a response if the rule includes it.",
     ]
     read = []
@@ -358,15 +359,15 @@ def _changes(changes: pd.DataFrame) -> str:
     return table(head, rows, caption="Values that differ from the defaults.")
 
 
-def _pictures(found: Any, likely: pd.DataFrame) -> str:
-    compared, tornado = found.table(), found.tornado()
+def _pictures(comparison: Any, likely: pd.DataFrame) -> str:
+    compared, tornado = comparison.table(), comparison.tornado()
     named = counted(compared)
     axes = ["total_cost_eur", "lost_by_failure"]
     dots = compared[axes].rename(index=named).set_axis(list(map(label, axes)), axis=1)
-    best = [named[name] for name in found.pareto()]
+    best = [named[name] for name in comparison.pareto()]
 
     def ranges(figure: str, drawn: pd.DataFrame | None = None) -> str:
-        ends = ranges_of(found.quantities, figure).rename(index=named)
+        ends = ranges_of(comparison.quantities, figure).rename(index=named)
         return svg(
             lambda ax: plot_ranges(ends, label(figure), likely=drawn, ax=ax),
             height=1.2 + 0.4 * len(ends),
@@ -395,10 +396,10 @@ def _pictures(found: Any, likely: pd.DataFrame) -> str:
 def _rules(rules: Any, options: Sequence[str]) -> str:
     keys = ["rule_set", "rule"]
     first = rules.drop_duplicates(keys)
-    found = {(r.rule_set, r.rule, r.design): r for r in rules.itertuples()}
+    findings = {(r.rule_set, r.rule, r.design): r for r in rules.itertuples()}
 
     def cell(rule: tuple[str, str], option: str) -> str:
-        row = found[*rule, option]
+        row = findings[*rule, option]
         value = "" if isnan(row.value) else f": {number(row.value)} {row.unit}"
         return f"{row.verdict}{value}"
 
@@ -412,7 +413,7 @@ def _rules(rules: Any, options: Sequence[str]) -> str:
         read.append([row.rule, row.rule_set, row.clause, row.edition, row.source, stated])
         same: dict[tuple[str, str], list[str]] = {}
         for option in options:
-            finding = found[*rule, option]
+            finding = findings[*rule, option]
             same.setdefault((str(finding.object), str(finding.why)), []).append(option)
         for (subject, because), shared in same.items():
             named = ", ".join(shared) if len(shared) < len(options) else "all"

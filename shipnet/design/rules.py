@@ -222,11 +222,11 @@ def _rules(sheet: Sheet) -> tuple[Rule, ...]:
                 rules.append(Rule(**values))
             except ArgumentError as fault:
                 faults.append((row, f": {fault}"))
-    said = in_order(faults)
+    texts = in_order(faults)
     names = Counter((rule.rule_set, rule.rule) for rule in rules)
-    said += [f"rule {name!r} is listed twice" for (_, name), count in names.items() if count > 1]
-    if said or not rules:
-        raise InputError(sheet.source, *(said or ["has no rule; expected one row per rule"]))
+    texts += [f"rule {name!r} is listed twice" for (_, name), count in names.items() if count > 1]
+    if texts or not rules:
+        raise InputError(sheet.source, *(texts or ["has no rule; expected one row per rule"]))
     return tuple(rules)
 
 

@@ -52,8 +52,8 @@ class _CableFor(Kind):
     @property
     def legal(self) -> str:
         """The legal keys."""
-        own = [name for name, cable in cables().items() if self.bus in cable.buses]
-        return f"one of {', '.join(own)}"
+        keys = [name for name, cable in cables().items() if self.bus in cable.buses]
+        return f"one of {', '.join(keys)}"
 
     def _check(self, name: str, value: Any, record: Any) -> str:
         if not isinstance(value, str) or self.bus not in getattr(cables().get(value), "buses", ()):
@@ -373,8 +373,8 @@ class Settings(_Plain):
         faults: list[str] = []
         reading = self.reading
         words = {n: v for n, v in values.items() if n in Reading._fields and isinstance(v, Mapping)}
-        for table, own in words.items():
-            reading, wrong = reading.tried(table, own)
+        for table, added in words.items():
+            reading, wrong = reading.tried(table, added)
             faults += wrong
         object.__setattr__(self, "reading", reading)
         taken: dict[str, dict[str, Any]] = {}
@@ -419,10 +419,10 @@ class Settings(_Plain):
     def __getitem__(self, name: str) -> Any:
         """Return the value of a setting by its name."""
         kind_of(name)
-        part, _, own = name.rpartition(".")
+        part, _, key = name.rpartition(".")
         if part == "assumptions":
-            return self.assumptions[own]
-        return getattr(getattr(self, part) if part else self, own)
+            return self.assumptions[key]
+        return getattr(getattr(self, part) if part else self, key)
 
     def table(self) -> pd.DataFrame:
         """Return one row per name: value, default, unit, legal values and meaning."""
@@ -443,8 +443,8 @@ class Settings(_Plain):
         return [name for name in names() if self[name] != _default()[name]]
 
     def __str__(self) -> str:
-        said = [f"{n} {shown(self[n])} (default {shown(_default()[n])})" for n in self._changed]
-        return f"changed: {', '.join(said)}" if said else "all defaults"
+        values = [f"{n} {shown(self[n])} (default {shown(_default()[n])})" for n in self._changed]
+        return f"changed: {', '.join(values)}" if values else "all defaults"
 
     def __repr__(self) -> str:
         return f"<Settings: {self}>"
@@ -461,10 +461,10 @@ class Settings(_Plain):
         try:
             tables = tomllib.loads(text)
         except ValueError as error:
-            said = " ".join(str(error).split())[:200]
+            reason = " ".join(str(error).split())[:200]
             if comma := _COMMA.search(text):
-                said += f"; {comma[1]} has a comma instead of a point"
-            raise InputError(source, f"is not a TOML file: {said}") from None
+                reason += f"; {comma[1]} has a comma instead of a point"
+            raise InputError(source, f"is not a TOML file: {reason}") from None
         settings, faults = _default().tried(tables)
         if faults:
             raise InputError(source, *faults)
@@ -479,18 +479,18 @@ class Settings(_Plain):
         """Return all values as TOML, each with its meaning and legal range."""
         default, lines, table = _default(), [_HEAD], ""
         for name, kind in _kinds().items():
-            part, _, own = name.rpartition(".")
+            part, _, key = name.rpartition(".")
             assumed = part == "assumptions"
             if part != table:
                 table = part
                 lines += [f"[{part}]", *[f"# Each must be {legal(name)}."] * assumed, ""]
             was = f" Default {shown(default[name])}." if self[name] != default[name] else ""
             if assumed:
-                lines.append(f"{own} = {shown(self[name])}  # {kind.help}.{was}")
+                lines.append(f"{key} = {shown(self[name])}  # {kind.help}.{was}")
                 continue
-            for said in (f"{kind.help}.", f"It must be {legal(name)}.{was}"):
-                lines += [f"# {line}" for line in wrap(said, 98)]
-            lines += [f"{own} = {shown(self[name])}", ""]
+            for comment in (f"{kind.help}.", f"It must be {legal(name)}.{was}"):
+                lines += [f"# {line}" for line in wrap(comment, 98)]
+            lines += [f"{key} = {shown(self[name])}", ""]
         for words, pairs in zip(Reading._fields, self.reading, strict=True):
             quoted = [[dumps(each, ensure_ascii=False) for each in pair] for pair in pairs]
             lines += (
@@ -507,15 +507,15 @@ def _default() -> Settings:
 @cache
 def _kinds() -> Mapping[str, Kind]:
     """Return the declaration of each setting by name."""
-    found = {
-        f"{part}.{own}" if part else own: kind
+    kinds = {
+        f"{part}.{key}" if part else key: kind
         for part, record in _PARTS.items()
-        for own, kind in declared(record).items()
+        for key, kind in declared(record).items()
     }
     for name, entry in read_assumptions().items():
-        said = f"{entry.unit if entry.unit != '1' else 'factor'}: {entry.meaning}"
-        found[f"assumptions.{name}"] = _Ends(help=said, unit=entry.unit.replace("1", ""))
-    return MappingProxyType(found)
+        meaning = f"{entry.unit if entry.unit != '1' else 'factor'}: {entry.meaning}"
+        kinds[f"assumptions.{name}"] = _Ends(help=meaning, unit=entry.unit.replace("1", ""))
+    return MappingProxyType(kinds)
 
 
 def names() -> tuple[str, ...]:
@@ -527,10 +527,10 @@ def kind_of(name: str) -> Kind:
     """Return the declaration of a setting, or raise ArgumentError with the nearest name."""
     if name in _kinds():
         return _kinds()[name]
-    part, _, own = name.rpartition(".")
+    part, _, key = name.rpartition(".")
     beside = {last: n for n in names() for head, _, last in [n.rpartition(".")] if head == part}
-    near = get_close_matches(own, beside, n=1)
-    elsewhere = [other for other in names() if other.rpartition(".")[2] == own]
+    near = get_close_matches(key, beside, n=1)
+    elsewhere = [other for other in names() if other.rpartition(".")[2] == key]
     hint = "see shipnet design --show-settings"
     if elsewhere:
         hint = f"use {' or '.join(elsewhere)}"
@@ -545,9 +545,9 @@ def legal(name: str) -> str:
     if isinstance(kind, Switch):
         return "true or false"
     words = {Whole: "a whole number ", Choice: "one of "}
-    said = words.get(type(kind), "") + kind.legal
+    text = words.get(type(kind), "") + kind.legal
     unit = "" if isinstance(kind, _Ends | _BitRates) else kind.unit
-    return f"{said} {unit}".rstrip()
+    return f"{text} {unit}".rstrip()
 
 
 def shown(value: object) -> str:
@@ -580,7 +580,7 @@ def _is_number(value: object) -> bool:
 
 def _brief(value: object) -> str:
     try:
-        said = shown(value) if isinstance(value, bool) else repr(value)
+        text = shown(value) if isinstance(value, bool) else repr(value)
     except ValueError:  # an integer with more digits than Python prints
-        said = "a very large number"
-    return said if len(said) <= 60 else f"{said[:57]}..."
+        text = "a very large number"
+    return text if len(text) <= 60 else f"{text[:57]}..."

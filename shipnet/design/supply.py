@@ -123,16 +123,16 @@ def forest(design: Layout) -> Forest:
     run_asi = runs["segment"].map(buses).to_numpy(object) == "AS-i"
 
     feeder, trunk = ((runs["kind"] == kind).to_numpy() for kind in ("feeder", "trunk"))
-    own = np.flatnonzero(feeder | (trunk & run_asi))
-    a, b = (runs[end].iloc[own].map(index).to_numpy(np.intp) for end in "ab")
+    laid = np.flatnonzero(feeder | (trunk & run_asi))
+    a, b = (runs[end].iloc[laid].map(index).to_numpy(np.intp) for end in "ab")
     # A feeder from the cabinet is either mains to a supply or a data link to a gateway.
-    kept = ~(feeder[own] & np.isin(kinds, ("cabinet", "gateway"))[np.stack([a, b])].any(axis=0))
-    own, a, b = own[kept], a[kept], b[kept]
-    outputs = feeder[own] & run_asi[own]
+    kept = ~(feeder[laid] & np.isin(kinds, ("cabinet", "gateway"))[np.stack([a, b])].any(axis=0))
+    laid, a, b = laid[kept], a[kept], b[kept]
+    outputs = feeder[laid] & run_asi[laid]
     # Each line of a doubled AS-i segment has its own devices, so both lines are in layer 0.
-    second = ~run_asi[own] & (runs["line"].to_numpy()[own] == "B")
+    second = ~run_asi[laid] & (runs["line"].to_numpy()[laid] == "B")
     layer = np.where(outputs, _OUTPUTS, _LINE_B * second)
-    towards = trunk[own] & (kinds[b] == "repeater")
+    towards = trunk[laid] & (kinds[b] == "repeater")
     u, v = layer * count + a, np.where(towards, _LINE_B, layer) * count + b
     nodes = _LAYERS * count
 
@@ -152,16 +152,16 @@ def forest(design: Layout) -> Forest:
     order, parent = breadth_first_order(graph, nodes, directed=False, return_predecessors=True)
     parent = np.where((parent < 0) | (parent == nodes), -1, parent)[:nodes].astype(np.intp)
     run = np.full(nodes, -1, np.intp)
-    run[v[parent[v] == u]], run[u[parent[u] == v]] = own[parent[v] == u], own[parent[u] == v]
+    run[v[parent[v] == u]], run[u[parent[u] == v]] = laid[parent[v] == u], laid[parent[u] == v]
     root, levels = _rooted(parent, order[order < nodes].astype(np.intp))
 
     known = cables()
     each = [
         CABLES[known[name].line].resistance if of_trunk else known[name].resistance
-        for name, of_trunk in zip(runs["cable"].iloc[own], trunk[own], strict=True)
+        for name, of_trunk in zip(runs["cable"].iloc[laid], trunk[laid], strict=True)
     ]
     ohms, metres = np.zeros(len(runs) + 1), np.append(runs["length_m"].to_numpy(float), 0.0)
-    ohms[own] = each
+    ohms[laid] = each
     load, spur, fed_24 = _loads(design, kinds, beside, on_asi, index, set(v.tolist()))
     limits, drop_asi = settings.supply, settings.asi.voltage - slave_voltage()
     return Forest(
@@ -297,11 +297,13 @@ def sized(design: Layout) -> Feeders:
         for cable, cut in zip(sizes, cuts, strict=True)
     ]
     best = np.argmin(spent, axis=0)
-    own = [node for size, cut in enumerate(cuts) for node in cut if best[trees.root[node]] == size]
-    nearer = {int(trees.run[node]): trees.supply[int(trees.root[node])] for node in own}
+    nearby = [
+        node for size, cut in enumerate(cuts) for node in cut if best[trees.root[node]] == size
+    ]
+    nearer = {int(trees.run[node]): trees.supply[int(trees.root[node])] for node in nearby}
     heads = feeders[trees.parent[feeders] == trees.root[feeders]]
-    feeding = {trees.supply[root] for root in trees.parent[np.setdiff1d(heads, own)].tolist()}
-    trees = trees.cut(own, tails)
+    feeding = {trees.supply[root] for root in trees.parent[np.setdiff1d(heads, nearby)].tolist()}
+    trees = trees.cut(nearby, tails)
     trees = replace(trees, ohms=np.where(trees.metres > 0, 1.0, 0.0))
     (flow, _), (_, lost) = trees.solve(), trees.solve(short=True)
     roots = trees.root[feeders]
@@ -331,8 +333,10 @@ def sized(design: Layout) -> Feeders:
     return Feeders(cable, nearer, set(nearer.values()) - feeding, weak)
 
 
-def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: Indices) -> Floats:
-    """Return each tree's feeder cost for one cable and supplies at the nodes `own` [EUR].
+def _spent(
+    design: Layout, trees: Forest, feeders: Indices, cable: Cable, nearby: Indices
+) -> Floats:
+    """Return each tree's feeder cost for one cable and supplies at the nodes `nearby` [EUR].
 
     Prices are nominal values of the data files, so a plan does not depend on prices in settings.
     Moving a supply out of the cabinet costs as much as adding one, because it needs a housing.
@@ -348,10 +352,10 @@ def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: I
 
     spent = np.zeros(len(trees.root))
     np.add.at(spent, trees.root[feeders], metre(cable) * runs[feeders])
-    places = design.devices[["x_m", "y_m", "z_m"]].to_numpy(float)[trees.device[own]]
+    places = design.devices[["x_m", "y_m", "z_m"]].to_numpy(float)[trees.device[nearby]]
     away = site.length(site.route(np.array(site.cabinet), places))
-    more = supply + metre(cable) * (settings.tails - runs[own])
-    np.add.at(spent, trees.root[own], more + settings.fed * (metre(mains) * away + 2 * end))
+    more = supply + metre(cable) * (settings.tails - runs[nearby])
+    np.add.at(spent, trees.root[nearby], more + settings.fed * (metre(mains) * away + 2 * end))
     return spent
 
 
@@ -410,18 +414,18 @@ def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
 
     nodes = np.sort(trees.fed)
     supply = [trees.supply[root] for root in trees.root[nodes].tolist()]
-    source, own = given.loc[supply], runs.iloc[trees.run[nodes]]
+    source, cable_rows = given.loc[supply], runs.iloc[trees.run[nodes]]
     volts = source["voltage_v"].to_numpy(float)
     spur, known = trees.spur[nodes], cables()
     table = pd.DataFrame(
         {
             "device": devices["device"].to_numpy(object)[trees.device[nodes]],
             "segment": source["segment"].to_numpy(object),
-            "line": own["line"].to_numpy(object),
+            "line": cable_rows["line"].to_numpy(object),
             "supply": source["device"].to_numpy(object),
-            "run": own["run"].to_numpy(object),
-            "length_m": own["length_m"].to_numpy(float),
-            "cross_section_mm2": [known[name].section for name in own["cable"]],
+            "run": cable_rows["run"].to_numpy(object),
+            "length_m": cable_rows["length_m"].to_numpy(float),
+            "cross_section_mm2": [known[name].section for name in cable_rows["cable"]],
             "load_a": trees.load[nodes],
             "current_a": flow[nodes],
             "voltage_v": volts - drop[nodes],

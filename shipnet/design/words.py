@@ -63,7 +63,7 @@ class Reading(NamedTuple):
 
         A sheet may have several tables, one below the other or side by side.
         """
-        found, remarks = self, []
+        reading, remarks = self, []
         for sheet in sheets:
             values: dict[str, dict[str, object]] = {"frame": {}, "deck": {}}
             faults, unread = [], []
@@ -82,23 +82,23 @@ class Reading(NamedTuple):
                     is_length = unit in ("", *ALIKE["m"])
                     value = read_number(cell, mark, unit or "m", "m") if is_length else None
                     if value is None or not name or values[word].get(name, value) != value:
-                        said = f"{name!r} at {cell!r}; expected a {word} and a number in m"
-                        faults.append(f"row {number}: {said}")
+                        text = f"{name!r} at {cell!r}; expected a {word} and a number in m"
+                        faults.append(f"row {number}: {text}")
                     values[word][name] = value
             for word in values if not faults else ():
-                found, more = found.tried(f"{word}s", values[word])
+                reading, more = reading.tried(f"{word}s", values[word])
                 faults += more
             if faults:
                 raise InputError(f"{sheet.source}, sheet {sheet.sheet}", *faults)
             if unread:
-                said = f"not read on sheet {sheet.sheet}, not a frame or deck with a place"
-                remarks.append(Remark(said, tuple(dict.fromkeys(unread))))
-        return found, remarks
+                text = f"not read on sheet {sheet.sheet}, not a frame or deck with a place"
+                remarks.append(Remark(text, tuple(dict.fromkeys(unread))))
+        return reading, remarks
 
     def signal(self, word: str) -> str:
         """Return the signal that the list defines for a word, or the word itself."""
-        own = {plain(spelling): name for spelling, name in self.signals}
-        return own.get(plain(word), word)
+        meanings_of = {plain(spelling): name for spelling, name in self.signals}
+        return meanings_of.get(plain(word), word)
 
     def parts(self, cells: Mapping[str, str]) -> dict[str, str]:
         """Return the frame, the deck and the side that the cells of a row name, such as FR 34."""
@@ -159,18 +159,18 @@ def is_frame(cell: str) -> bool:
 def _offset(text: str) -> tuple[str, float]:
     """Return the frame or deck named in text, and the offset [m], given there in mm or m."""
     text = text.strip()
-    found = re.fullmatch(r"(.*[^\s+-])\s*([+-]\s*[0-9]+(?:\.[0-9]+)?)\s*(mm|m)?", text)
-    if found is None or _frame(text) is not None:
+    match = re.fullmatch(r"(.*[^\s+-])\s*([+-]\s*[0-9]+(?:\.[0-9]+)?)\s*(mm|m)?", text)
+    if match is None or _frame(text) is not None:
         return text, 0.0
-    return found[1], float("".join(found[2].split())) * (1.0 if found[3] == "m" else 1e-3)
+    return match[1], float("".join(match[2].split())) * (1.0 if match[3] == "m" else 1e-3)
 
 
 def _frame(text: str) -> float | None:
     """Return the number of a frame, or None if the text is not a frame."""
-    found = re.fullmatch(
+    match = re.fullmatch(
         r"(?i)(?:fr(?:ame)?\.?\s*(?:no\.?)?\s*#?)?\s*(-?[0-9]+(?:\.[0-9]+)?)", text
     )
-    return None if found is None else float(found[1])
+    return None if match is None else float(match[1])
 
 
 _PORT = dict.fromkeys(("port", "ps", "p", "bb", "좌"), 1)
@@ -286,10 +286,10 @@ _LEVEL = re.compile("[gd][abc]")
 def _protection(text: str) -> str:
     """Return the types of protection in a marking, such as ``ia`` or ``dia``, or "" if unclear."""
     tokens = re.findall(r"[^\W_]+", text)
-    found = [_AFTER_EX.fullmatch(token) for token in tokens]
-    alone = not any(one and one[1] is not None for one in found)
+    matches = [_AFTER_EX.fullmatch(token) for token in tokens]
+    alone = not any(one and one[1] is not None for one in matches)
     kinds, active = "", alone
-    for token, one in zip(tokens, found, strict=True):
+    for token, one in zip(tokens, matches, strict=True):
         if one and one[1] is not None:
             kinds, active = kinds + one[1], True
         elif _GROUP.fullmatch(token):
@@ -332,8 +332,8 @@ def is_intrinsically_safe(cell: str) -> tuple[bool, bool]:
 
 def without_safety(word: str) -> tuple[str, str]:
     """Return a signal without its intrinsic-safety marking, and the marking."""
-    found = None if meanings(word) else _SAFE.search(word)
-    if found is None:
+    mark = None if meanings(word) else _SAFE.search(word)
+    if mark is None:
         return word, ""
-    rest = " ".join((word[: found.start()] + " " + word[found.end() :]).split())
-    return rest, found[0].strip("[]() ")
+    rest = " ".join((word[: mark.start()] + " " + word[mark.end() :]).split())
+    return rest, mark[0].strip("[]() ")

@@ -258,7 +258,7 @@ FRAMES = Settings({"frames": {"-5": -3.0, "0": 0, "30": 18, "180": 138}, "decks"
         *cases("""\
 FR 34+200, DK3, P 4.2|21.4 4.2 8\nFr. 30 / DK 3 / S 2|18 -2 8\nframe 0, dk3|0 0 8
 FR -5, DK3+500, CL|-3 0 8.5\nFR 181, DK3|\nFR 30, DK4|\nFR 30, DK3, P|\nER floor|"""),
-        ["FR30-1.5m; DK3; 4,2 P", "16.5 4.2 8"],
+        ("FR30-1.5m; DK3; 4,2 P", "16.5 4.2 8"),
     ],
 )
 def test_a_place_is_understood_by_frame_deck_and_side(place, found):
