@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from shipnet import style
-from shipnet.arrays import Bools, Floats
+from shipnet.arrays import Floats
 from shipnet.design.catalogue import LEVELS, Level, values_at, with_spare, words
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.layout import Layout
@@ -72,7 +72,14 @@ def items_of(design: Layout) -> dict[str, int]:
     """Return the number of each part and task of a design, by the name of its price or time."""
     analogue = design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
-    items = dict(_devices(design, analogue))
+    devices, items = design.devices, Counter[str]()
+    segments = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
+    for kind, segment in zip(devices["kind"], devices["segment"], strict=True):
+        items.update(_DEVICES.get(f"{segments.get(segment, '')} {kind}", _DEVICES[kind]))
+    modules = set(devices.loc[devices["kind"] == "module", "device"])
+    drops = design.cables[design.cables["b"].isin(design.points["tag"].to_numpy()[analogue])]
+    of_analogue = len(modules & {*design.points["device"][analogue], *drops["a"]})
+    items.update({"asi_analogue_module": of_analogue, "asi_module": -of_analogue})
     bus, spare = design.points["bus"].to_numpy(), design.settings.spare
     for reader, read in (("plc", bus == "hardwired"), ("station", np.isin(bus, _STATIONS))):
         for kind, mask in (("digital", read & ~analogue), ("analogue", read & analogue)):
@@ -80,26 +87,11 @@ def items_of(design: Layout) -> dict[str, int]:
     # A station connected to both lines of a redundant pair has a second interface.
     trunk = design.cables[design.cables["kind"] == "trunk"]
     a, b = (trunk.loc[trunk["line"] == line, ["a", "b"]].to_numpy().ravel() for line in "AB")
-    stations = design.devices["device"][design.devices["kind"] == "station"]
+    stations = devices["device"][devices["kind"] == "station"]
     items["second_interface"] = len({*a} & {*b} & {*stations})
     items["barrier"] = items["barrier_time"] = int(safe.sum())
     items["gland"] = items["gland_time"] = 2 * len(design.cables)
     return {name: number for name, number in items.items() if number}
-
-
-def _devices(design: Layout, analogue: Bools) -> dict[str, int]:
-    devices = design.devices
-    bus = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
-    items = Counter[str]()
-    for kind, segment in zip(devices["kind"], devices["segment"], strict=True):
-        items.update(_DEVICES.get(f"{bus.get(segment, '')} {kind}", _DEVICES[kind]))
-    modules = set(devices.loc[devices["kind"] == "module", "device"])
-    drops = design.cables[design.cables["b"].isin(design.points["tag"].to_numpy()[analogue])]
-    wired = {*design.points["device"][analogue], *drops["a"]}
-    if number := len(modules & wired):
-        items["asi_analogue_module"] = number
-        items["asi_module"] -= number
-    return items
 
 
 # The figures of a design, each with a low, nominal and high value --------------------------------

@@ -162,7 +162,7 @@ class CanLimits:
         0.001, 1, "", "Highest bus load; assumed, to leave room for errors", default=0.5
     )
     period_share: float = number(
-        0.01, 0.99, "", "Message period per update time; the rest is the deadline", default=0.5
+        0.01, 0.99, "", "Period per update time; the rest is the deadline; assumed", default=0.5
     )
     cable: str = _cable("CAN", "Catalogue key of the trunk cable", "CAN_5_0p75")
 
@@ -251,7 +251,7 @@ class _Plain:
         0, 60, "s", "Time in the host, added if a rule includes it; assumed", default=0.5
     )
     spare: float = number(
-        0, 10, "", "Spare pairs, channels and ports as a fraction of those in use", default=0.2
+        0, 10, "", "Spare pairs, channels and ports per those in use; assumed", default=0.2
     )
     update: float = number(
         1e-4, 3600, "s", "Update time of a point without one: DNV-OS-D202, Table A1", default=1.0
