@@ -77,25 +77,6 @@ def test_an_option_that_leaves_points_out_is_not_on_the_front():
     assert alone.conclusions()[0] == "No design connects all points."
 
 
-def test_options_of_the_ship_are_planned_and_compared():
-    site_list = IoList.parse(
-        "tag,signal,system,x,y,z\n"
-        + "\n".join(f"LS-{n},contact,Bilge,{10 + n},2,3" for n in range(9))
-    )
-    small = small_loop().site
-    found = site_list.compare(small, ["home runs", "CAN"], rng=np.random.default_rng(1))
-    assert list(found.designs) == ["home runs", "CAN"]
-    assert found.table()["conductors_at_cabinet"].tolist() == [18.0, 4.0]
-    assert ("CAN", "total_cost_eur") in found.likely().index
-    low, high = found.likely().loc[("CAN", "total_cost_eur"), ["low", "high"]]
-    row = found.table().loc["CAN"]
-    assert row["total_cost_low_eur"] < low < high < row["total_cost_high_eur"]
-    assert str(found.tornado()).split(";")[0].startswith("total cost of")
-    assert found.tornado().between == ("CAN", "home runs")
-    more = site_list.compare(small, ["CAN"]).add(found.designs["home runs"])
-    assert list(more.designs) == ["CAN", "home runs"]
-
-
 def test_the_headline_names_the_cheapest_design_without_violations_and_its_extra_cost():
     rules = RuleSet((Rule("two", "lines of a link", 2, bound="at least", confirmed="yes"),))
     one, two = small_loop(), small_loop(redundant=True)

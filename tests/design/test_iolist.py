@@ -157,22 +157,15 @@ def test_a_faulty_cell_is_named_with_what_is_expected(changes, fault):
 
 
 def test_all_faults_are_reported_at_once_in_the_order_of_the_file():
-    bad = text(
-        {},
-        {"tag": "ls-1", "type": "AO"},
-        {"tag": "LS-3", "x": "far", "home run": "-2"},
-        {"tag": "LS-4"},
-        {"tag": "LS-4", "update": "never", "signal": "radio"},
-    )
+    late = {"tag": "LS-4", "update": "never", "signal": "radio"}
+    far = {"tag": "LS-3", "x": "far", "home run": "-2"}
+    bad = text({}, {"tag": "ls-1", "type": "AO"}, far, {"tag": "LS-4"}, late)
     found = faults(bad)
-    assert [fault.split(":")[0] for fault in found] == [
-        "row 3, column tag",
-        "row 3, column type",
-        "row 4, column x",
-        "row 4, column home run",
-        "row 6, column tag",
-        "row 6, column signal",
-        "row 6, column update",
+    places = [tuple(fault.split(":")[0].split(", column ")) for fault in found]
+    assert places == [
+        *(("row 3", column) for column in ("tag", "type")),
+        *(("row 4", column) for column in ("x", "home run")),
+        *(("row 6", column) for column in ("tag", "signal", "update")),
     ]
     assert "'ls-1' is already the tag of row 2" in found[0]
     assert "'LS-4' is already the tag of row 5" in found[4]
