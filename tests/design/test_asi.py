@@ -294,6 +294,8 @@ def test_doubled_lines_have_twice_the_parts_of_a_single_line_and_no_cut_loses_a_
     assert (bill[1] / bill[0]).to_numpy() == pytest.approx(2)
     # Both lines are needed: a cut on each loses the points beyond both.
     assert doubled.lost(cables=["AS-i 1 trunk 3 A", "AS-i 1 trunk 3 B"]) == ("P4",)
+    both = ["AS-i 1 supply A", "AS-i 1 master B"]
+    assert doubled.lost(devices=both) == single.lost(devices=["AS-i 1 supply"]) != ()
 
 
 def test_a_line_that_violates_a_signal_rule_is_refused_with_the_rule():
