@@ -40,13 +40,14 @@ class Design(Layout):
         Position of the cabinet, and the allowances `detour` and `tails` in cable lengths.
     points : pandas.DataFrame
         One row per point, in the order of the list: tag, bus, segment, device, address,
-        response_ms, fits, planned_update_ms. An unconnected point has no bus; a point whose device
-        violates a supply limit has a bus but does not fit. `reasons` says why a point does not fit.
-        The planned update time on a bus is that of the list or the settings, or a rule's response
-        limit if that is shorter.
+        response_ms, fits, planned_update_ms. On doubled AS-i lines, the device is the module on
+        line A. An unconnected point has no bus; a point whose device violates a supply limit has a
+        bus but does not fit. `reasons` says why a point does not fit. The planned update time on a
+        bus is that of the list or the settings, or a rule's response limit if that is shorter.
     devices : pandas.DataFrame
         One row per device, such as the cabinet, a box, a module or a supply: device (its name),
-        kind, segment, x_m, y_m, z_m, and at (the device whose housing contains it, or "").
+        kind, segment, x_m, y_m, z_m, at (the device whose housing contains it, or ""), and line
+        ("A" or "B" if it belongs to one line of a doubled segment, otherwise "").
     cables : pandas.DataFrame
         One row per cable: run (its name), cable (its type in the catalogue), a and b (its ends),
         segment, kind, route_m, length_m, used, conductors, at_cabinet and line.

@@ -77,6 +77,9 @@ class IoList(PointTable):
     ) -> Design:
         """Connect all points by one of `OPTIONS`.
 
+        In a doubled option, each line is laid twice; on AS-i, we assume that a point can be wired
+        to a module on each line, and its cables, terminals and labour count twice.
+
         `cabinet` is a position (x, y, z) [m], as numbers or text, or None to infer it from the
         list's cable lengths; `settings` are values by name. `mix` selects other options for some
         points, by tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. The response
