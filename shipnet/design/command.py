@@ -54,7 +54,7 @@ def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
 
 
 #: Pattern for the row, the column and the message of a fault.
-_PLACED = re.compile(r"row (\d+)(?:, column (.*?))?(?::|(?= has)) ?(.*)", re.DOTALL)
+_PLACED = re.compile(r"row (\d+)(?:, column ([^:]*?))?(?::|(?= has)) ?(.*)", re.DOTALL)
 
 
 def save_faults(path: str | None, file: str = "", faults: Sequence[str] = ()) -> None:

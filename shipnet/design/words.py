@@ -168,7 +168,7 @@ def _offset(text: str) -> tuple[str, float]:
 def _frame(text: str) -> float | None:
     """Return the number of a frame, or None if the text is not a frame."""
     match = re.fullmatch(
-        r"(?i)(?:fr(?:ame)?\.?\s*(?:no\.?)?\s*#?)?\s*(-?[0-9]+(?:\.[0-9]+)?)", text
+        r"(?i)(?:fr(?:ame)?\.?\s*+(?:no\.?\s*+)?#?)?\s*+(-?[0-9]+(?:\.[0-9]+)?)", text
     )
     return None if match is None else float(match[1])
 
