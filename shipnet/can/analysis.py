@@ -411,15 +411,15 @@ def compare(
         chosen = slice(*np.searchsorted(keys, [key, key + 1]))
         gaps = np.diff(times[chosen])
         silence = float(np.diff(times[chosen], prepend=0.0, append=end).max())
-        number, wanted, odd = hexadecimal(key >> 1, bool(key & 1)), math.nan, ["unknown"]
+        number, expected, odd = hexadecimal(key >> 1, bool(key & 1)), math.nan, ["unknown"]
         name = number
         if message:
-            name, wanted = message.name, message.period
+            name, expected = message.name, message.period
             name += f" {number}" if len(sources[message]) > 1 else ""
             seen = None if plan.observed is None else plan.observed.loc[message.name]
             odd = _differences(message, times[chosen], codes[chosen], silence, frames.step, seen)
         usual = (gaps.min(), gaps.mean()) if len(gaps) else (math.nan, math.nan)
-        spans = (1e3 * span for span in (wanted, *usual, silence))
+        spans = (1e3 * span for span in (expected, *usual, silence))
         rows.append((name, number, len(times[chosen]), *spans, ", ".join(odd) or "as planned"))
     columns = ["name", "arbitration_id", "frames", "period_ms", "shortest_ms", "mean_ms"]
     table = pd.DataFrame(rows, columns=[*columns, "longest_ms", "verdict"])
