@@ -160,7 +160,8 @@ class Reach:
             for pair in np.split(number[order], np.flatnonzero(np.diff(label[order])) + 1):
                 ends = np.unique(self._ends[pair[self._asi[pair] & trunk[pair]]])
                 masters = ends[self.kinds[ends] == "master"]
-                shorts += [(pair.tolist(), masters.tolist())] * (len(pair) > 0)
+                if len(pair):
+                    shorts.append((pair.tolist(), masters.tolist()))
         return shorts
 
     def alone(self) -> dict[int, int]:
@@ -282,8 +283,8 @@ class Reach:
         """Return True for devices that work and whose mains feeder, if any, is not cut."""
         fed, mains = self._mains
         feeding = ~dead
-        row, place = np.nonzero(cut[:, mains])
-        feeding[row, fed[place]] = False
+        row, column = np.nonzero(cut[:, mains])
+        feeding[row, fed[column]] = False
         return feeding
 
 
@@ -345,11 +346,11 @@ def lost(
     """Return the tags of the points lost when the named cables and devices fail together."""
     failed: list[list[int]] = []
     unknown: list[str] = []
-    for what, names, known in (
+    for what, names, all_names in (
         ("cable", cables, design.cables["run"]),
         ("device", devices, design.devices["device"]),
     ):
-        number = {name: n for n, name in enumerate(known)}
+        number = {name: n for n, name in enumerate(all_names)}
         unknown += [f"{what} {name!r}" for name in names if name not in number]
         failed.append([number[name] for name in names if name in number])
     if unknown:
@@ -360,6 +361,6 @@ def lost(
 
 def worst(failures: pd.DataFrame) -> pd.DataFrame:
     """Return the failure of each kind with the most points lost, excluding cabinet failure."""
-    rest = failures[failures["kind"] != "cabinet"]
-    ranked = rest.sort_values("points_lost", ascending=False, kind="stable")
+    others = failures[failures["kind"] != "cabinet"]
+    ranked = others.sort_values("points_lost", ascending=False, kind="stable")
     return ranked.drop_duplicates("failure").reset_index(drop=True)
