@@ -182,7 +182,7 @@ def test_the_known_age_is_at_least_the_true_age_and_marks_no_healthy_value():
     run = simulate(system, until=60, rng=np.random.default_rng(5))
     for place, message in enumerate(system.message_of.tolist()):
         shown = run._shown(place)
-        assert (run.views.known[:, message] <= shown.sampled).all()
+        assert (run.views.earliest[:, message] <= shown.sampled).all()
     assert run.alarms().empty
     assert (system.hop_ns(0) > 0).all()
 
