@@ -49,7 +49,6 @@ _DEVICES: dict[str, tuple[str, ...]] = {
     "AS-i master": ("asi_master", "master_time"),
     "CAN master": ("can_master", "master_time"),
     "master": ("modbus_master", "master_time"),
-    "gateway": ("gateway", "master_time"),
     "repeater": ("repeater", "part_time"),
     "AS-i supply": ("asi_supply", "part_time"),
     "supply": ("supply", "part_time"),

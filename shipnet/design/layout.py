@@ -213,7 +213,7 @@ class Layout:
         for table in COLUMNS:
             object.__setattr__(self, table, frame(table, getattr(self, table)))
         if "at" not in self.devices.columns:
-            inside = self.devices["kind"].isin(["master", "gateway"])
+            inside = self.devices["kind"] == "master"
             self.devices["at"] = inside.map({True: self.cabinet, False: ""})
         if "line" not in self.devices.columns:
             self.devices["line"] = ""

@@ -125,8 +125,8 @@ def forest(design: Layout) -> Forest:
     feeder, trunk = ((runs["kind"] == kind).to_numpy() for kind in ("feeder", "trunk"))
     laid = np.flatnonzero(feeder | (trunk & run_asi))
     a, b = (runs[end].iloc[laid].map(index).to_numpy(np.intp) for end in "ab")
-    # A feeder from the cabinet is either mains to a supply or a data link to a gateway.
-    kept = ~(feeder[laid] & np.isin(kinds, ("cabinet", "gateway"))[np.stack([a, b])].any(axis=0))
+    # A feeder from the cabinet brings mains to a supply.
+    kept = ~(feeder[laid] & (kinds == "cabinet")[np.stack([a, b])].any(axis=0))
     laid, a, b = laid[kept], a[kept], b[kept]
     outputs = feeder[laid] & run_asi[laid]
     # Each line of a doubled AS-i segment has its own devices, so both lines are in layer 0.
