@@ -539,9 +539,10 @@ def run_fleet(
     faults: Fault | Iterable[Fault] = (),
     until: float = 86400.0,
     rng: Any = None,
-    idle_step: float = 1.0,
 ) -> FleetReport:
     """Simulate and diagnose a fleet block by block; store its alarms but not its samples.
+
+    The sensors are read every 0.1 s while a motor runs, and every second otherwise.
 
     Parameters
     ----------
@@ -555,8 +556,6 @@ def run_fleet(
         End time, up to 1e8 [s].
     rng : Generator, int or None, optional
         Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
-    idle_step : float, default 1
-        Time between two readings while no motor runs [s]; it is 0.1 s while a motor runs.
 
     Returns
     -------
@@ -582,7 +581,7 @@ def run_fleet(
     fleet = as_system(system)
     failed: list[Any] = list(as_faults(faults, Fault))
     end = check_scalar("until", until, "s", 0, 1e8)
-    runs = blocks(fleet, commands, faults=failed, until=end, idle_step=idle_step, rng=rng)
+    runs = blocks(fleet, commands, faults=failed, until=end, rng=rng)
     n_samples, strokes, alarms, signals = 0, [], [], []
     shown = np.full((1, fleet.n_valves), NORMAL, dtype=object)
     for block in _diagnosed(runs, ["fuzzy"]):

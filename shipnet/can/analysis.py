@@ -208,7 +208,6 @@ def analyse(
     bit_rates: float | Iterable[float] = BIT_RATES,
     *,
     period: float | None = None,
-    assumptions: Assumptions | None = None,
     faults: ErrorBound | None = None,
 ) -> Analysis:
     """Return the load, response times, lowest bit rate and best priority order of a message set.
@@ -221,17 +220,14 @@ def analyse(
         Bit rates to examine, whole numbers 1000..1000000 [bit/s].
     period : float, optional
         Period of messages that have none in the file or log, 1e-6..1e5 [s].
-    assumptions : Assumptions, optional
-        Assumptions about the lengths of frames and the definition of the response time. By default,
-        response times of messages from a log begin when a message is queued, and are compared with
-        the periods.
     faults : ErrorBound, optional
         Bound on the number of errors on the bus; no errors by default.
 
     Returns
     -------
     Analysis
-        The response times at each bit rate, and the best priority order.
+        The response times at each bit rate, and the best priority order. Response times of messages
+        from a log begin when a message is queued, and are compared with the periods.
 
     Raises
     ------
@@ -251,7 +247,8 @@ def analyse(
     if not rates or not all(1000 <= rate <= 1e6 and rate % 1 == 0 for rate in rates):
         raise ArgumentError(f"bit_rates is {bit_rates!r}; each must be whole, 1000..1000000 bit/s")
     message_set = _messages(messages, period)
-    if assumptions is None and message_set.observed is not None:
+    assumptions = Assumptions()
+    if message_set.observed is not None:
         assumptions = Assumptions(own_jitter=False)
         queued = (
             replace(message, deadline=message.deadline - message.jitter) for message in message_set

@@ -139,9 +139,9 @@ class Message:
         """Return the length of the frame with intermission [bit]."""
         return self.bits or length_table(stuffing)[self.extended][self.dlc]
 
-    def frame_time(self, bit_rate: float, stuffing: Stuffing = "worst") -> float:
-        """Return the duration of the frame and its intermission [s]."""
-        return self.frame_length(stuffing) / check_bit_rate(bit_rate)
+    def frame_time(self, bit_rate: float) -> float:
+        """Return the duration of the longest frame and its intermission [s]."""
+        return self.frame_length() / check_bit_rate(bit_rate)
 
 
 #: Kind of each field of a message, and the columns of a table; the first four are required.

@@ -322,22 +322,20 @@ class Comparison:
         # Draw from a copy of rng, so that every comparison with this rng has the same draws.
         return draw(self.designs, rng=deepcopy(self.rng))
 
-    def tornado(
-        self, a: str | None = None, b: str | None = None, *, figure: str = "total_cost_eur"
-    ) -> Tornado:
-        """Return the effect of each assumption on the difference in a figure, design `a` minus `b`.
+    def tornado(self, a: str | None = None, b: str | None = None) -> Tornado:
+        """Return the effect of each assumption on the difference in cost, design `a` minus `b`.
 
         By default, `b` is the first design with all points, and `a` is the other such design with
-        the lowest figure. If only `a` or `b` is given, the effect on its own figure is returned.
+        the lowest cost. If only `a` or `b` is given, the effect on its own cost is returned.
         """
         if a is None and b is None:
             whole = {name: design for name, design in self.designs.items() if design.fits}
-            return tornado(whole or self.designs, figure)
+            return tornado(whole or self.designs)
         if a == b:
             raise ArgumentError(f"a and b are both {a!r}; they must be different designs")
         chosen = [(what, one) for what, one in (("b", b), ("a", a)) if one is not None]
         names = [check_choice(what, one, self.designs) for what, one in chosen]
-        return tornado({name: self.designs[name] for name in names}, figure)
+        return tornado({name: self.designs[name] for name in names})
 
     def plot(self, x: str = "total_cost_eur", y: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw figure `x` of each design with its range, or plot column `y` against column `x`."""
