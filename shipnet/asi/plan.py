@@ -272,6 +272,7 @@ class Plan:
         self,
         *,
         wanted_cycle: float | None = None,
+        transaction: Transaction | None = None,
         limits: pd.DataFrame | None = None,
     ) -> PlanFindings:
         """Check the plan against the rules of AS-i.
@@ -288,7 +289,7 @@ class Plan:
         limit of 500 m between two slaves is not a separate rule: it follows from segments of 100 m
         and at most two repeaters on each side of the master.
         """
-        return PlanFindings(check_lines(self.lines, wanted_cycle, limits), self)
+        return PlanFindings(check_lines(self.lines, wanted_cycle, transaction, limits), self)
 
     @property
     def network(self) -> Network:

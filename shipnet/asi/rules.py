@@ -64,6 +64,7 @@ def _published() -> pd.DataFrame:
 def check_lines(
     lines: Sequence[tuple[Segment, ...]],
     wanted_cycle: float | None,
+    transaction: Transaction | None,
     limits: pd.DataFrame | None,
 ) -> pd.DataFrame:
     """Return the findings of `Plan.check`."""
@@ -75,7 +76,8 @@ def check_lines(
     missing += [name for name in published.columns if name not in bounds.columns]
     if missing:
         raise ArgumentError(f"limits lack {', '.join(missing)}")
-    rows = [row for line in lines for row in _rows(line, wanted_cycle)]
+    transaction = Transaction() if transaction is None else transaction
+    rows = [row for line in lines for row in _rows(line, wanted_cycle, transaction)]
     rule, name, values, own_limits, why = zip(*rows, strict=True)
     rank = {rule: number for number, rule in enumerate(bounds.index)}
     rows_of_limits = [rank[one] for one in rule]
@@ -97,7 +99,7 @@ def meets(lines: Sequence[tuple[Segment, ...]], limits: pd.DataFrame) -> bool:
     ends = limits["low"].fillna(-np.inf), limits["high"].fillna(np.inf)
     bounds = dict(zip(limits.index, zip(*ends, strict=True), strict=True))
     for line in lines:
-        for rule, _, value, own_limit, _ in _rows(line, None):
+        for rule, _, value, own_limit, _ in _rows(line, None, Transaction()):
             low, high = bounds[rule]
             high = high if own_limit is None else own_limit
             if not low - _SLACK * abs(low) <= value <= high + _SLACK * abs(high):
@@ -105,7 +107,9 @@ def meets(lines: Sequence[tuple[Segment, ...]], limits: pd.DataFrame) -> bool:
     return True
 
 
-def _rows(line: tuple[Segment, ...], update_limit: float | None) -> Iterator[_Row]:
+def _rows(
+    line: tuple[Segment, ...], update_limit: float | None, transaction: Transaction
+) -> Iterator[_Row]:
     masters = [master for segment in line for master in segment.masters]
     name = f"line of {masters[0]}" if masters else f"line with {line[0]}"
     slaves = [slave for segment in line for slave in segment.slaves]
@@ -116,7 +120,7 @@ def _rows(line: tuple[Segment, ...], update_limit: float | None) -> Iterator[_Ro
         yield (
             "update_time",
             name,
-            polling_cycle(delays, Transaction()).update_time(),
+            polling_cycle(delays, transaction).update_time(),
             update_limit,
             "",
         )
