@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch
 
 from shipnet import datasets, style
+from shipnet.errors import ArgumentError
 from shipnet.papers.registry import drawing
 
 #: Text, colour and position of each block by name.
@@ -86,6 +87,16 @@ def outline(ax: Axes, blocks: Blocks, ways: Ways, arrowstyle: str = "->") -> Non
     width, height = HALF
     for text, fill, x, y in blocks.values():
         box(ax, (x - width, y - height), 2 * width, 2 * height, FILL[fill], text)
+
+
+def panels(ax: Axes, rows: int, columns: int = 1, *, sharex: bool = False) -> list[Axes]:
+    """Divide axes of a grid into panels, for a figure with several parts, and hide the axes."""
+    place = ax.get_subplotspec()
+    if place is None:
+        raise ArgumentError("ax has no place in a grid; create it with pyplot.subplots")
+    ax.set_axis_off()
+    grid = place.subgridspec(rows, columns).subplots(sharex=sharex, squeeze=False)
+    return [panel for row in grid for panel in row]
 
 
 def box(
