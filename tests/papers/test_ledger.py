@@ -441,7 +441,7 @@ def test_evidence_is_the_function_unless_the_claim_names_more():
 
 def test_status_follows_kind_and_function():
     status = table().set_index("id")["status"]
-    expected = {"kim2023-004": "judged", "kim2023-042": "judged", "kim2023-010": "context"}
+    expected = {"kim2023-004": "judged", "kim2023-042": "judged", "kim2023-011": "context"}
     expected |= {"kim2023-045": "ours", "kim2023-063": "not reproducible"}
     expected |= {"kim2023-013": "not verified", "kim2023-044": "erratum"}
     assert status[list(expected)].to_dict() == expected
