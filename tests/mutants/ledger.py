@@ -231,7 +231,8 @@ def draw(number: int, seed: int) -> int:
                     seen = seen or ["the package cannot be imported"]
                 if seen:
                     break
-            test = elsewhere.get((constant.file, constant.name), "")
+            owner = f"{constant.owner}." if constant.owner else ""
+            test = elsewhere.get((constant.file, owner + constant.name), "")
             if not seen and test:
                 command = [sys.executable, "-m", "pytest", "-q", "-x", test]
                 run = subprocess.run(command, cwd=package, capture_output=True, check=False)
@@ -240,7 +241,6 @@ def draw(number: int, seed: int) -> int:
             moving += bool(seen)
             unexplained += not seen and not test
             result = f"{len(seen):3} claims, such as {seen[0]}" if seen else test or "NOT SEEN"
-            owner = f"{constant.owner}." if constant.owner else ""
             print(f"{constant.file:27} {owner + constant.name:32} {result}", flush=True)
     print(f"{moving} of {number} move a claim; {unexplained} are seen by nothing")
     return int(moving < number * 7 / 8 or unexplained > 0)
