@@ -94,12 +94,11 @@ def constants() -> list[Constant]:
 
 def results(package: Path, papers: list[str]) -> dict[str, str]:
     """Return what the claims of some papers come to, by the package in this folder."""
-    said = subprocess.run(
-        [sys.executable, "-c", PROGRAM, *papers], check=True, capture_output=True, text=True,
-        cwd=package, env=os.environ | {"PYTHONPATH": str(package)},
-    )  # fmt: skip
-    found: dict[str, str] = json.loads(said.stdout)
-    return found
+    command = [sys.executable, "-c", PROGRAM, *papers]
+    environment = os.environ | {"PYTHONPATH": str(package)}
+    printed = subprocess.check_output(command, text=True, cwd=package, env=environment)
+    claims: dict[str, str] = json.loads(printed)
+    return claims
 
 
 def moved(chosen: list[Constant]) -> Iterator[tuple[Constant, str, list[str]]]:
