@@ -168,7 +168,8 @@ def plot_time_chart(
     columns = ("start_s", "end_s", "source", "target", "read_s", "outcome")
     packets = zip(*(shown[name].tolist() for name in columns), strict=True)
     for begin, sent, source, target, read, outcome in packets:
-        lost = outcome == "lost"
+        # What the end of the run cuts off is not lost.
+        lost = outcome == "lost" and sent <= until
         ax.add_patch(
             Rectangle(
                 (begin, row[source] - 0.3),
@@ -180,7 +181,7 @@ def plot_time_chart(
                 hatch="////" if lost else None,
             )
         )
-        if not lost:
+        if outcome != "lost":
             side = 1 if row[target] > row[source] else -1
             ax.annotate(
                 "",
@@ -209,7 +210,7 @@ def plot_time_chart(
         Patch(facecolor=style.FIELD[field], edgecolor="0.3", label=f"to {name}")
         for name, field in _TARGETS.items()
     ]
-    if (shown["outcome"] == "lost").any():
+    if ((shown["outcome"] == "lost") & (shown["end_s"] <= until)).any():
         handles.append(Patch(facecolor="white", edgecolor="0.3", hatch="////", label="lost"))
     style.legend(ax, handles=handles)
     return ax

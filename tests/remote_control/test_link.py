@@ -309,6 +309,14 @@ def test_the_time_chart_has_a_block_per_packet_and_names_the_failures(ax):
         run.plot(ax, start=50, stop=60)
 
 
+def test_a_packet_that_the_end_of_the_run_cuts_off_is_not_drawn_as_lost(ax):
+    run = simulate(full(), until=0.4)
+    assert run.packets[-1].end > run.until and run.packets[-1].outcome == "lost"
+    run.plot(ax)
+    assert not any(patch.get_hatch() for patch in ax.patches)
+    assert "lost" not in [text.get_text() for text in ax.get_legend().get_texts()]
+
+
 def test_the_margins_are_drawn_below_their_limit(ax):
     table = System().timing().table()
     System().timing().plot(ax)

@@ -84,11 +84,11 @@ def _packets(*, items: Mapping[int, int] = _ITEMS, ax: Axes) -> Axes:
         "reading B": [MarkerFormat("B").encode(items)],
         "reading C": [MarkerFormat("A").encode({number: value}) for number, value in items.items()],
     }
-    kinds = {"marker": "control", "number": "address", "low": "information", "high": "parity"}
+    kinds = {"flag": "control", "number": "address", "low": "information", "high": "parity"}
     drawn = {}
     for reading, packets in rows.items():
         drawn[reading] = [
-            (f"{byte:02X}", kinds[kind], kind)
+            (f"{byte:02X}", kinds[kind], kind, 1)
             for packet in packets
             for byte, kind in zip(packet, _kinds(reading, len(packet)), strict=True)
         ]
@@ -99,8 +99,8 @@ def _kinds(reading: str, size: int) -> list[str]:
     """Return the meaning of each byte of a packet."""
     item = ["number", "low", "high"]
     if reading == "reading B":
-        return ["marker", *(["marker", *item] * ((size - 2) // 4)), "marker"]
-    return ["marker", "marker", *(item * ((size - 3) // 3)), "marker"]
+        return ["flag", *(["flag", *item] * ((size - 2) // 4)), "flag"]
+    return ["flag", "flag", *(item * ((size - 3) // 3)), "flag"]
 
 
 def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:

@@ -15,7 +15,7 @@ from shipnet.fuzzy.rules import RuleBase
 from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.faults import Picture
-from shipnet.papers.plot import FILL, HALF, arrow, box, diagram, diagrams, fields
+from shipnet.papers.plot import FILL, HALF, box, diagram, diagrams, fields
 from shipnet.papers.registry import drawing
 
 __all__ = ["plot_ages", "plot_control_system", "plot_seen_strokes"]
@@ -24,7 +24,7 @@ __all__ = ["plot_ages", "plot_control_system", "plot_seen_strokes"]
 _QUERY = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 _LINE = SerialLine(9600)
 
-diagrams("kim2014", "Fig 7", "Fig 9")
+diagrams("kim2014", "Fig 2", "Fig 7", "Fig 9", "Fig 10")
 
 
 @drawing("kim2014", "Fig 1")
@@ -62,42 +62,22 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
     return style.bare(ax, (-1.4, 3.5 + aside), (-0.25, 3.8))
 
 
-@drawing("kim2014", "Fig 2")
-def _actuator(*, ax: Axes) -> Axes:
-    """Draw the parts of an actuator and its sensors."""
-    blocks = diagram("kim2014", "Fig 2", ax=ax)
-    sensors = [blocks[name] for name in ("MC", "OT", "OP", "VPos")]
-    for _, _, x, y in sensors:
-        ax.plot([x, x], [y - HALF[1], 0.35], color="0.45", lw=1)
-    _, _, x, y = blocks["ADC"]
-    ax.plot([sensors[-1][2], x], [0.35, 0.35], color="0.45", lw=1)
-    arrow(ax, (x, 0.35), (x, y - HALF[1]))
-    left, top = x - HALF[0] - 0.2, blocks["bus"][3]
-    ax.plot([x - HALF[0], left, left], [y, y, top], color="0.3", lw=1)
-    arrow(ax, (left, top), (x - HALF[0], top))
-    return style.bare(ax, (-1.1, 8.9), (0.2, 3.45))
-
-
 @drawing("kim2014", "Fig 3", "Fig 4")
 def _rtu_frame(*, frame: bytes = _QUERY.rtu(1), serial: SerialLine = _LINE, ax: Axes) -> Axes:
     """Draw the general RTU frame, and a frame field by field below it."""
     pdu = decode(frame).pdu
-    silence = f"{serial.t35 / serial.character_time:.3g} char\nsilence"
-    general = [
-        ("address", "address", ""),
-        ("function code", "control", ""),
-        ("data", "information", ""),
-        ("error check", "parity", ""),
+    silence = f"silence\n{serial.t35 / serial.character_time:.3g} char"
+    parts = [
+        ("address", "address", frame[:1]),
+        ("function\ncode", "control", pdu[:1]),
+        ("data", "information", pdu[1:]),
+        ("error check", "parity", frame[-2:]),
     ]
-    detail = [
-        (silence, "pause", ""),
-        ("address\n1 byte", "address", frame[:1].hex(" ")),
-        ("function code\n1 byte", "control", pdu[:1].hex()),
-        (f"data\n{len(pdu) - 1} bytes", "information", pdu[1:].hex(" ")),
-        ("CRC\n2 bytes", "parity", frame[-2:].hex(" ")),
-        (silence, "pause", ""),
-    ]
-    return fields(ax, {"Fig 3": general, "Fig 4": detail})
+    general = [(name, kind, "", len(data)) for name, kind, data in parts]
+    detail = [(name, kind, data.hex(" "), len(data)) for name, kind, data in parts]
+    # A silence has no bytes; the width of two leaves room for its text.
+    pause = (silence, "pause", "", 2)
+    return fields(ax, {"Fig 3": general, "Fig 4": [pause, *detail, pause]})
 
 
 @drawing("kim2014", "Fig 5", "Fig 6")
@@ -105,43 +85,29 @@ def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
     """Draw a Modbus TCP frame: header and PDU above, and the individual fields below."""
     pdu = decode(frame, "tcp").pdu
     general = [
-        ("MBAP header, 7 bytes", "address", frame[:7].hex(" ")),
-        (f"PDU, {len(pdu)} bytes", "information", pdu.hex(" ")),
+        ("MBAP header", "address", frame[:7].hex(" "), 7),
+        ("PDU", "information", pdu.hex(" "), len(pdu)),
     ]
     detail = [
-        (f"{name}\n{last - first} byte{'s' * (last - first > 1)}", kind, frame[first:last].hex(" "))
+        (name, kind, frame[first:last].hex(" "), last - first)
         for name, first, last, kind in (
-            ("transaction id", 0, 2, "address"),
-            ("protocol id", 2, 4, "address"),
+            ("transaction\nid", 0, 2, "address"),
+            ("protocol\nid", 2, 4, "address"),
             ("length", 4, 6, "address"),
-            ("unit id", 6, 7, "address"),
-            ("function code", 7, 8, "control"),
+            ("unit\nid", 6, 7, "address"),
+            ("function\ncode", 7, 8, "control"),
             ("data", 8, len(frame), "information"),
         )
     ]
     return fields(ax, {"Fig 5": general, "Fig 6": detail})
 
 
-@drawing("kim2014", "Fig 10")
-def _command(*, ax: Axes) -> Axes:
-    """Draw how a slave executes a command, as printed, and when it should respond."""
-    blocks = diagram("kim2014", "Fig 10", ax=ax)
-    # If the valve has not arrived, the loop starts again.
-    x, y = blocks["there"][2:]
-    left = x - HALF[0] - 0.35
-    ax.plot([x - HALF[0], left, left], [y, y, 2.35], color="0.3", lw=1)
-    ax.plot([left, x - 0.45], [2.35, 2.35], color="0.3", lw=1)
-    arrow(ax, (x - 0.45, 2.35), (x - 0.45, 3 - HALF[1]))
-    ax.text(left - 0.05, y + 0.3, "no", ha="right", va="center")
-    return style.bare(ax, (-1.0, 9.6), (1.25, 3.5))
-
-
 @drawing("kim2014", "Fig 15")
 def _testbed(*, ax: Axes) -> Axes:
     """Draw the test bed, whose line is closed through the master's second port."""
     blocks = diagram("kim2014", "Fig 15", ax=ax)
-    x, y = blocks["master"][2:]
-    first, last, row = blocks["S1"][2], blocks["S5"][2], blocks["S1"][3]
+    x, y = blocks["master"][3:]
+    first, last, row = blocks["S1"].x, blocks["S5"].x, blocks["S1"].y
     ax.plot(
         [x - 0.3, x - 0.3, first - 1.0, first - 1.0, last],
         [y - HALF[1], 2.6, 2.6, row, row],
@@ -159,7 +125,7 @@ def _testbed(*, ax: Axes) -> Axes:
     )
     ax.text(first - 0.9, 2.66, "RS-485, port 1", color="C0")
     ax.text(last + 0.95, 2.66, "port 2 (section 2.1)", color="C0", ha="right")
-    left = blocks["PC"][2] + HALF[0]
+    left = blocks["PC"].x + HALF[0]
     ax.plot([left, x - HALF[0]], [y, y], color="C1", lw=1.5, zorder=0)
     ax.text((left + x - HALF[0]) / 2, y + 0.06, "Ethernet, UDP port 502", ha="center")
     return style.bare(ax, (-1.1, 9.2), (0.55, 3.65))

@@ -11,12 +11,13 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import read_points
-from shipnet.papers.plot import FILL, arrow, box, diagram, diagrams
+from shipnet.papers.plot import FILL, box, diagrams
 from shipnet.papers.registry import drawing
 
 __all__ = ["plot_channels", "plot_inputs"]
 
-diagrams("lee2012", "Fig 7", arrowstyle="-")
+diagrams("lee2012", "Fig 6", "Fig 8")
+diagrams("lee2012", "Fig 7", "Fig 10", "Fig 12(a)", arrowstyle="-")
 
 
 @drawing("lee2012", "Fig 2")
@@ -37,17 +38,27 @@ def _engine(*, cylinders: int = 8, ax: Axes) -> Axes:
     return style.bare(ax, (-2.2, cylinders + 2.1), (-0.1, 3.0))
 
 
-@drawing("lee2012", "Fig 6")
-def _flow(*, ax: Axes) -> Axes:
-    """Draw the main loop of a junction box and its three interrupts."""
-    titles = "main loop", "(a) Modbus interrupt", "(b) timer interrupt", "(c) CAN interrupt"
-    for column, title in enumerate(titles):
-        ax.text(2.2 * column, 4.0, title, ha="center", va="center", weight="bold")
-    diagram("lee2012", "Fig 6", ax=ax)
-    # The loop returns to the conversion, because the mode is read only once.
-    ax.plot([-0.82, -1.05, -1.05], [0.3, 0.3, 2.3], color="0.3", lw=1)
-    arrow(ax, (-1.05, 2.3), (-0.82, 2.3))
-    return style.bare(ax, (-1.3, 7.6), (-0.1, 4.25))
+@drawing("lee2012", "Fig 1")
+def _wiring(*, ax: Axes) -> Axes:
+    """Draw a cable from each sensor to its junction box, and on to the control room."""
+    points, top = read_points(), 3.2
+    by_box = points.by_box()
+    for x, width, room in ((-0.3, 5.5, "engine room"), (6.4, 2.0, "engine control room")):
+        box(ax, (x, -0.3), width, top + 0.6, "0.97", edge="0.6", linestyle="--")
+        ax.text(x + width / 2, top + 0.4, room, ha="center", va="bottom")
+    rise, cables = 0.0, len(points)
+    for floor, (name, sensors) in enumerate(by_box.items()):
+        y = top - 0.4 - 1.2 * floor
+        heights = y + np.linspace(0.38, -0.38, len(sensors))
+        ends = top * (1 - (rise + np.arange(len(sensors)) + 0.5) / cables)
+        ax.plot(np.full(len(sensors), 0.5), heights, ".", color="C0", markersize=3)
+        ax.plot([0.5, 3.4], [heights, heights], color="C0", lw=0.4)
+        ax.plot([4.6, 7.0], [heights, ends], color="C0", lw=0.4)
+        box(ax, (3.4, y - 0.45), 1.2, 0.9, FILL["amber"], f"{name}\n{len(sensors)} sensors")
+        ax.text(0.4, y, f"floor {3 - floor}", ha="right", va="center", rotation=90)
+        rise += len(sensors)
+    box(ax, (7.0, 0), 0.9, top, FILL["blue"], "AMS")
+    return style.bare(ax, (-0.4, 8.5), (-0.4, top + 0.8))
 
 
 def plot_inputs(card: InputCard, corrected: InputCard, *, axes: Sequence[Axes]) -> None:
