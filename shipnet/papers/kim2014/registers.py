@@ -9,6 +9,7 @@ from math import ceil
 import numpy as np
 
 from shipnet import datasets
+from shipnet.ballast.plant import Plant
 from shipnet.ballast.registers import (
     CODE_READINGS,
     COMMAND_REGISTER,
@@ -23,6 +24,7 @@ from shipnet.ballast.registers import (
 )
 from shipnet.ballast.scan import READ_STATUS, command_poll, status_poll
 from shipnet.ballast.sensors import CHANNELS, Sensors
+from shipnet.ballast.slave import valve_slaves
 from shipnet.errors import FrameError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import pd
@@ -39,6 +41,9 @@ _TABLES = {
     "write": datasets.read("kim2014_table2_write_register.csv"),
     "read": datasets.read("kim2014_table3_read_registers.csv"),
 }
+
+#: Table 2: the command codes and the status bits.
+_BITS = datasets.read("kim2014_table2_write_register_bits.csv")
 
 #: Printed texts of fields that contain no number; the fields are 0 here.
 _ZERO = ("0.0.0.0", "Position 0-100%", "see bits")
@@ -286,10 +291,10 @@ def sensors(*, names: tuple[str, ...] = tuple(channel.name for channel in CHANNE
     return len(names)
 
 
-@check("kim2014-021", counter={"reading": "flag sum"})
-def codes_are_unique(*, reading: str = "decimal") -> bool:
-    """Whether no two commands have the same code in this reading of the table."""
-    return bool(code_table()[reading].is_unique)
+@numeric("kim2014-021")
+def code_of_position_close() -> int:
+    """Code of the command to close to a position, as the sum of its flags."""
+    return RegisterMap().command(Code.POSITION_CLOSE, 0) & 0xFF
 
 
 @check("kim2014-022", counter={"highest": 305.0})
@@ -299,36 +304,45 @@ def position_fits(*, highest: float = 100.0) -> bool:
     return not any(saturated for _, saturated in ends)
 
 
-@check("kim2014-055", counter={"commands": ("Position Close", "Position Open")})
-def status_is_the_command(*, commands: tuple[str, ...] = tuple(c.value for c in Code)) -> bool:
-    """Whether, after each command is executed, the status of Table 2 equals the value written."""
-    where = {"Close": 0.0, "Open": 100.0, "Position Close": 40.0, "Position Open": 40.0}
-    for name in commands:
-        code, position = Code(name), where.get(name, 0.0)
-        written = RegisterMap().command(code, int(position) if "Position" in name else 0)
-        opened, closed = (word in name for word in ("Open", "Close"))
-        flags = {"auto": code is not Code.MANUAL, "open": opened, "close": closed}
-        if _status(_at(position), **flags)[0] != written:
+@check("kim2014-055", counter={"table": "table 3"})
+def echo_has_the_printed_bits(*, table: str = "table 2") -> bool:
+    """Whether a valve echoes each command, and the echo sets the bit that Table 2 prints for it."""
+    (valve,) = valve_slaves(Plant()).values()
+    shift = {"table 2": 0, "table 3": 2}[table]
+    for row in _BITS[(_BITS["message"] == "response") & (_BITS["name_printed"] != "")].itertuples():
+        value = RegisterMap().command(Code(row.name_printed))
+        request = Request.write_single_register(COMMAND_REGISTER, value)
+        bit = int(row.bit_printed.removeprefix("Bit")) + shift
+        if valve.answer(request.pdu) != request.pdu or value != 1 << bit:
             return False
     return True
 
 
-@check("kim2014-059", counter={"other": "table 2"})
-def status_bits_agree(*, other: str = "table 3") -> bool:
-    """Whether this table has the status bits in the same places as Table 2."""
-    words = [
-        RegisterMap(status=table).encode(_at(0.0), close=False, open=True).registers[0, 0]
-        for table in ("table 2", other)
-    ]
-    return bool(words[0] == words[1])
+@check("kim2014-103", counter={"function": 6})
+def invalid_command_gets_exception_1(*, function: int = 5) -> bool:
+    """Whether a valve answers an invalid function code, or a 6 with a wrong value, with code 01."""
+    (valve,) = valve_slaves(Plant()).values()
+    return valve.answer(bytes([function, 0x40, 0x01, 0x00, 0x03]))[1:] == b"\x01"
+
+
+@check("kim2014-104", counter={"registers": 0})
+def data_are_two_bytes_each(*, registers: int = 1) -> bool:
+    """Whether responses with this many registers or more have twice as many data bytes."""
+    counts = range(registers, MAX_PDU // 2)
+    return all(is_legal(_answer, n) and len(_answer(n).pdu) == 2 + 2 * n for n in counts)
 
 
 @numeric("kim2014-078")
-def converter_step(*, bits: int = 12, span: float = 100.0) -> float:
-    """Step of a converter with this many bits for positions 0..`span`, both in percent."""
-    scale = Sensors()
-    high = (*scale.high[:_VPOS], span)
-    return float(Sensors((0.0,) * len(CHANNELS), high, bits=bits).step[_VPOS])
+def converter_step(*, span: float = 100.0) -> float:
+    """Step of the converter for positions 0..`span`, both in percent."""
+    high = (*Sensors().high[:_VPOS], span)
+    return float(Sensors((0.0,) * len(CHANNELS), high).step[_VPOS])
+
+
+@check("kim2014-105", counter={"percent": 0.01})
+def converter_resolves(*, percent: float = 1.0) -> bool:
+    """Whether the converter distinguishes positions this far apart [%]."""
+    return bool(Sensors().step[_VPOS] < percent)
 
 
 @numeric("kim2014-079")

@@ -8,9 +8,10 @@ import numpy as np
 
 from shipnet import datasets
 from shipnet.can.faults import ErrorAt
-from shipnet.can.frame import Frame
+from shipnet.can.frame import TAIL, Frame, stuff
+from shipnet.can.frame import decode as decode_can
 from shipnet.can.messages import Message, MessageSet, bus_load
-from shipnet.can.segment import Segment
+from shipnet.can.segment import DOMINANT, RECESSIVE, Segment, Signals
 from shipnet.can.simulation import simulate
 from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.faults import LostModbusFrames
@@ -283,11 +284,67 @@ def asks_and_sends_again(*, timeout: float = System().timeout) -> bool:
     return bool(on_can and np.diff(requests["time_s"])[0] <= RULE)
 
 
+def _first_frame(data: bytes = bytes(8)) -> Frame:
+    """Return the first frame of JB1, which has the highest priority."""
+    return Frame(CanLayout(read_points()).messages()[0].arbitration_id, data)
+
+
+def _signals(ohm: float | None = 120.0) -> Signals:
+    """Return the beginning of JB1's first frame on 60 m of cable between three boxes."""
+    return Segment(60, nodes=3, terminator=ohm).send({1: _first_frame().bits[:14]}, 125e3)
+
+
 @check("lee2012-041", counter={"ohm": None})
 def terminators_suit_the_line(*, ohm: float | None = 120.0) -> bool:
     """Whether three boxes on 60 m read JB1's bits correctly with these terminators, or none."""
-    bits = Frame(CanLayout(read_points()).messages()[0].arbitration_id, bytes(8)).bits[:14]
-    return not Segment(60, nodes=3, terminator=ohm).send({1: bits}, 125e3).wrong
+    return not _signals(ohm).wrong
+
+
+@numeric("lee2012-111")
+def noise_margin() -> float:
+    """Noise at the sample points at which the first bit may be read wrongly [V]."""
+    signals = _signals().table()
+    dominant = signals["least_dominant_V"].min() - DOMINANT
+    return float(min(dominant, RECESSIVE - signals["most_recessive_V"].max()))
+
+
+@check("lee2012-107", counter={"volts": 0.6})
+def receivers_tolerate(*, volts: float = 0.4) -> bool:
+    """Whether all boxes read all bits if noise adds up to this between the wires [V]."""
+    return volts <= noise_margin() and not _signals().wrong
+
+
+@check("lee2012-106", counter={"patterns": (0b1100010110011001,)})
+def can_finds_errors(*, patterns: tuple[int, ...] = ()) -> bool:
+    """Whether all bursts of 1 to 15 wrong bits in a CAN frame are detected, and the `patterns`.
+
+    A pattern falsifies the last bits of the CRC sequence and those before it.
+    """
+    frame = _first_frame(bytes(range(8)))
+    sent = int(frame.bits, 2)
+    wrong = [
+        f"{sent ^ ((1 << length) - 1 << place):0{len(frame.bits)}b}"
+        for length in range(1, 16)
+        for place in range(1, len(frame.bits) - length)  # receivers ignore the last bit of EOF
+    ]
+    body = frame.unstuffed
+    for pattern in patterns:
+        changed = stuff(f"{int(body, 2) ^ pattern:0{len(body)}b}")
+        wrong.append(changed + "".join(bits for _, bits in TAIL))
+    return not any(is_legal(decode_can, bits) for bits in wrong)
+
+
+@numeric("lee2012-109")
+def stuff_bits(*, value: int = 0) -> int:
+    """Number of stuff bits in JB1's first frame if all its data bytes have this value."""
+    return _first_frame(bytes([value]) * 8).stuff_bits
+
+
+@check("lee2012-083", counter={"kept": 4})
+def identifiers_tell_messages_apart(*, kept: int = 11) -> bool:
+    """Whether each message has its own identifier, and still if only this many bits are kept."""
+    numbers = [m.arbitration_id % 2**kept for m in CanLayout(read_points()).messages()]
+    return len(set(numbers)) == len(numbers)
 
 
 @numeric("lee2012-043")

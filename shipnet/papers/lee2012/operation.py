@@ -12,8 +12,10 @@ from shipnet.engine.class_rules import Description, Redundancy
 from shipnet.engine.class_rules import check as check_rules
 from shipnet.engine.faults import CanBreak, DeadBox, ModbusBreak
 from shipnet.engine.points import read_points
+from shipnet.engine.serving import FUNCTIONS
 from shipnet.engine.simulation import simulate, single_failures
 from shipnet.engine.system import RULE, System
+from shipnet.modbus.slave import Slave
 from shipnet.papers.lee2012.buses import BIT_RATE, JB1, JB3, LINE, read, whole_poll
 from shipnet.papers.lee2012.engine import printed_points
 from shipnet.papers.registry import check, numeric
@@ -122,6 +124,50 @@ def interrupts(*, silent_box: bool = True) -> int:
     faults = [DeadBox("JB2", start=10.0)] if silent_box else []
     work = simulate(System(), faults=faults, until=20).timeline(0, 20)
     return len(set(work.loc[work["row"] == "JB1", "task"]) - {"convert", "send"})
+
+
+@numeric("lee2012-110")
+def conversion_time() -> float:
+    """Longest time that a box needs to convert its inputs [ms]."""
+    return 1e3 * max(System().conversion_times.values())
+
+
+@numeric("lee2012-103")
+def worst_age() -> float:
+    """Greatest age of a value in normal operation [s]."""
+    return float(System().worst_age()["worst_s"].max())
+
+
+@numeric("lee2012-112")
+def time_without_answer() -> float:
+    """Longest time from the loss of a channel to the complete response on the other one [s]."""
+    return System().switch_over().loss
+
+
+@check("lee2012-053", counter={"rate": 1000.0})
+def answers_each_second(*, rate: float = BIT_RATE) -> bool:
+    """Whether a poll of all points ends before the next one begins."""
+    return whole_poll(rate=rate).time <= System().poll_period
+
+
+@check("lee2012-084", counter={"task": "convert"})
+def is_never_interrupted(*, task: str = "Modbus") -> bool:
+    """Whether JB1 always carries out this task in one piece; requests come while it converts."""
+    phases = dict.fromkeys(System().boxes, 0.0)
+    work = simulate(System(), until=20.0, phases=phases).timeline(0, 20)
+    pieces = work[(work["row"] == "JB1") & (work["task"] == task)]
+    lasted = pieces["end_ms"] - pieces["start_ms"]
+    return bool(np.allclose(lasted, lasted.max()))
+
+
+@check("lee2012-062", counter={"functions": FUNCTIONS | {4}})
+def only_function_3_is_served(*, functions: frozenset[int] = FUNCTIONS) -> bool:
+    """Whether a box refuses all function codes except 3 with exception 1."""
+    box = Slave(holding_registers=[0] * 99, functions=functions)
+    refused = {
+        code for code in range(1, 128) if box.answer(bytes([code, 0, 0, 0, 1]))[1:] == b"\x01"
+    }
+    return refused == set(range(1, 128)) - {3}
 
 
 # The traces of a two-channel scope in Figs 12 and 13 ------------------------------------------
