@@ -11,11 +11,14 @@ from matplotlib.patches import FancyBboxPatch
 
 from shipnet import style
 from shipnet.lazy import pd
+from shipnet.papers.chung1998.link import as_printed
 from shipnet.papers.chung1998.ring import SIZE, given_up, overrun_rings
 from shipnet.papers.plot import diagrams, fields
 from shipnet.papers.registry import drawing
 from shipnet.remote_control.faults import HOPS
 from shipnet.remote_control.packet import MarkerFormat
+from shipnet.remote_control.ring_buffer import Ring
+from shipnet.remote_control.simulation import simulate
 from shipnet.remote_control.system import values_on
 
 if TYPE_CHECKING:
@@ -74,6 +77,18 @@ def _stations(*, ax: Axes) -> Axes:
     ax.set(xlim=(-0.6, 5.4), ylim=(-2.5, 1.7))
     ax.set_axis_off()
     return ax
+
+
+@drawing("chung1998", "Fig 2")
+def _turns(*, processing: float = 10e-3, until: float = 0.4, ax: Axes) -> Axes:
+    """Draw the packets of some cycles, each followed by an assumed processing time [s]."""
+    return simulate(as_printed(processing=processing), until=until).plot(ax=ax)
+
+
+@drawing("chung1998", "Fig 3", figsize=(4, 3.6))
+def _ring(*, unread: int = 6, get_no: int = 14, size: int = 16, ax: Axes) -> Axes:
+    """Draw a ring with unread bytes, the first of them at `get_no`."""
+    return Ring.filled(unread, get_no, size=size).plot(ax=ax)
 
 
 @drawing("chung1998", "Fig 4")

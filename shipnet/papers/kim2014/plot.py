@@ -10,12 +10,16 @@ from matplotlib.axes import Axes
 
 from shipnet import style
 from shipnet.ballast.diagnosis import Run
+from shipnet.ballast.live import TestBed
+from shipnet.ballast.master import Screen, operate
+from shipnet.ballast.plant import Command, Fault, Plant
 from shipnet.ballast.registers import FIRST_REGISTER, N_REGISTERS
+from shipnet.ballast.scan import System, status_poll
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.kim2014.faults import Picture
-from shipnet.papers.plot import FILL, HALF, box, diagram, diagrams, fields
+from shipnet.papers.kim2014.faults import Picture, seen_strokes
+from shipnet.papers.plot import FILL, HALF, box, diagram, diagrams, fields, panels
 from shipnet.papers.registry import drawing
 
 __all__ = ["plot_ages", "plot_control_system", "plot_seen_strokes"]
@@ -25,6 +29,7 @@ _QUERY = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 _LINE = SerialLine(9600)
 
 diagrams("kim2014", "Fig 2", "Fig 7", "Fig 9", "Fig 10")
+diagrams("kim2014", "Fig 15", arrowstyle="-")
 
 
 @drawing("kim2014", "Fig 1")
@@ -102,33 +107,50 @@ def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
     return fields(ax, {"Fig 5": general, "Fig 6": detail})
 
 
-@drawing("kim2014", "Fig 15")
-def _testbed(*, ax: Axes) -> Axes:
-    """Draw the test bed, whose line is closed through the master's second port."""
-    blocks = diagram("kim2014", "Fig 15", ax=ax)
-    x, y = blocks["master"][3:]
-    first, last, row = blocks["S1"].x, blocks["S5"].x, blocks["S1"].y
-    ax.plot(
-        [x - 0.3, x - 0.3, first - 1.0, first - 1.0, last],
-        [y - HALF[1], 2.6, 2.6, row, row],
-        color="C0",
-        lw=1.5,
-        zorder=0,
+@drawing("kim2014", "Fig 11", figsize=(8, 4))
+def _screen(*, time: float = 7.2, ax: Axes) -> Axes:
+    """Draw the master's screen at a time [s]: 20 of 64 valves open, 4 go to 40 %, 6 is stuck."""
+    plan = [Command("open", 3.0, valves=range(1, 21)), Command(40, 5.0, valves=range(31, 35))]
+    seen = operate(
+        Plant(System(64, status_poll(9600)), [Fault("V1", valves=6)], 2024), plan, until=20
     )
-    ax.plot(
-        [last, last + 1.0, last + 1.0, x + 0.3, x + 0.3],
-        [row, row, 2.6, 2.6, y - HALF[1]],
-        color="C0",
-        lw=1.5,
-        ls=":",
-        zorder=0,
-    )
-    ax.text(first - 0.9, 2.66, "RS-485, port 1", color="C0")
-    ax.text(last + 0.95, 2.66, "port 2 (section 2.1)", color="C0", ha="right")
-    left = blocks["PC"].x + HALF[0]
-    ax.plot([left, x - HALF[0]], [y, y], color="C1", lw=1.5, zorder=0)
-    ax.text((left + x - HALF[0]) / 2, y + 0.06, "Ethernet, UDP port 502", ha="center")
-    return style.bare(ax, (-1.1, 9.2), (0.55, 3.65))
+    return seen.screen(time).plot(6, ax=ax, columns=16)
+
+
+@drawing("kim2014", "Fig 12")
+def _stroke(*, n_valves: int = 5, ax: Axes) -> Axes:
+    """Draw the readings of a stroke as the master of this many valves receives them."""
+    return seen_strokes([n_valves])[n_valves].plot(ax=ax)
+
+
+@drawing("kim2014", "Fig 13")
+def _finding(*, fault: str = "V1", ax: Axes) -> Axes:
+    """Draw the firing strengths of the rules during a command to a valve with this fault."""
+    bed = TestBed(fault=fault, rng=2024)
+    bed.wait(1.0)
+    bed.command(5, "open")
+    bed.wait(25.0)
+    return bed.run.diagnose().plot(5, ax=ax)
+
+
+@drawing("kim2014", "Fig 14", figsize=(8, 2.4))
+def _client(
+    *, page: Screen | None = None, window: Mapping[str, str] | None = None, ax: Axes
+) -> Axes:
+    """Draw the PC's window: connection, slave, command and answer, and the valves it has read."""
+    if page is None or window is None:
+        bed = TestBed(fault="V1", rng=2024)
+        window = {"connection": "port 502", "slave": "3", "command": "open"}
+        window |= {"answer": bed.command(3, "open")}
+        bed.wait(5.0)
+        page = bed.screen()
+    left, right = panels(ax, 1, 2)
+    for row, (name, text) in enumerate(window.items()):
+        left.text(0.95, -row, name, ha="right", va="center")
+        box(left, (1.05, -row - 0.35), 2.2, 0.7, "white", text)
+    style.bare(left, (0, 3.4), (0.5 - len(window), 0.6))
+    page.plot(5, ax=right)
+    return ax
 
 
 def _valve(ax: Axes, place: tuple[float, float], drive: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 from math import ceil
 
 import numpy as np
@@ -26,7 +27,7 @@ from shipnet.ballast.scan import READ_STATUS, command_poll, status_poll
 from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.ballast.slave import valve_slaves
 from shipnet.errors import FrameError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_choice, check_scalar, check_whole
 from shipnet.lazy import pd
 from shipnet.modbus.frame import MAX_PDU, MAX_UNIT, rtu_frame
 from shipnet.modbus.pdu import FunctionCode, Request, Response, decode
@@ -69,20 +70,28 @@ STANDARD = {
 }
 
 
-def message_table() -> pd.DataFrame:
-    """Return each message as printed and according to the standard.
+def table(item: str) -> pd.DataFrame:
+    """Return the messages of Table 2 or 3 as printed, and the bytes of the printed message.
 
-    The lengths are those in the MBAP header; ``decoder`` is ``ok`` or the error in the printed one.
+    Below them are the bytes of the standard, with ``*`` where they differ; ``decoder`` is ``ok`` or
+    the error of the printed message.
     """
-    rows = []
-    for message in STANDARD:
-        printed, standard = printed_adu(message), STANDARD[message]
-        lengths = [int.from_bytes(adu[4:6], "big") for adu in (printed, standard)]
-        rows.append(
-            (printed.hex(" "), standard.hex(" "), *lengths, printed == standard, _verdict(message))
-        )
-    columns = ["printed", "standard", "length_printed", "length_standard", "same", "decoder"]
-    return pd.DataFrame(rows, columns=columns, index=pd.Index(STANDARD, name="message"))
+    check_choice("item", item, ("Table 2", "Table 3"))
+    access = "write" if item == "Table 2" else "read"
+    rows: dict[tuple[str, str], dict[str, str]] = {}
+    for message, fields in _TABLES[access].groupby("message", sort=False):
+        name = f"{access} {message}"
+        printed, standard = printed_adu(name), STANDARD[name]
+        heads = [f"bit.{label}" if label else "" for label in fields["label_printed"]]
+        rows[name, "field"] = dict(zip(heads, fields["field_printed"], strict=True))
+        rows[name, "as printed"] = dict(zip(heads, fields["value_printed"], strict=True))
+        rows[name, "its bytes"], rows[name, "standard"] = {"decoder": _verdict(name)}, {}
+        ends = np.cumsum([0, *fields["length_byte"].astype(int)])
+        for head, (first, last) in zip(heads, pairwise(ends), strict=True):
+            theirs, ours = (adu[first:last].hex(" ") for adu in (printed, standard))
+            rows[name, "its bytes"][head] = theirs
+            rows[name, "standard"][head] = ours + " *" * (ours != theirs)
+    return pd.DataFrame(rows).T.fillna("")
 
 
 def _verdict(message: str) -> str:
