@@ -13,6 +13,7 @@ from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.path import Path
 
 from shipnet import datasets, style
+from shipnet.errors import ArgumentError
 from shipnet.papers.registry import drawing
 
 #: A place in a diagram.
@@ -116,6 +117,16 @@ def diagrams(paper: str, *items: str, arrowstyle: str = "->") -> None:
 def _diagram(paper: str, item: str, arrowstyle: str, *, ax: Axes) -> Axes:
     diagram(paper, item, ax=ax, arrowstyle=arrowstyle)
     return ax
+
+
+def panels(ax: Axes, rows: int, columns: int = 1, **share: bool) -> list[Axes]:
+    """Divide axes of a grid into panels, for a figure with several parts, and hide the axes."""
+    place = ax.get_subplotspec()
+    if place is None:
+        raise ArgumentError("ax has no place in a grid; create it with pyplot.subplots")
+    ax.set_axis_off()
+    grid = place.subgridspec(rows, columns).subplots(squeeze=False, **share)
+    return [panel for row in grid for panel in row]
 
 
 def box(

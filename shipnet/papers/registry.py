@@ -96,7 +96,7 @@ def is_legal(function: Callable[..., object], *arguments: object, **named: objec
     return True
 
 
-def drawing(paper: str, *items: str) -> Callable[[Function], Function]:
+def drawing(paper: str, *items: str, figsize=None) -> Callable[[Function], Function]:
     """Register a function that draws printed figures on given axes."""
 
     def decorate(function: Function) -> Function:

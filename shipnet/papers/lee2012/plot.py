@@ -89,18 +89,19 @@ def _converters(*, margin: float = 0.125, ax: Axes) -> Axes:
     stages, below = panels(ax, 2)
     diagram("lee2012", "Fig 8", ax=stages)
     signals = {
-        "resistance of the Pt100 [ohm]": np.linspace(70, 190, 400),
-        "loop current [A]": np.linspace(0, 24e-3, 400),
-        "contact, 1 is closed": np.array([0.0, 1.0]),
+        "resistance of the Pt100 [ohm]": (np.linspace(70, 190, 400), 1.0),
+        "loop current [mA]": (np.linspace(0, 24, 400), 1e-3),
+        "contact (1: closed)": (np.array([0.0, 1.0]), 1.0),
     }
-    for panel, kind, (name, signal) in zip(
+    for panel, kind, (name, (signal, unit)) in zip(
         panels(below, 1, 3), CONDITIONS, signals.items(), strict=True
     ):
         point = next(p for p in read_points() if p.condition == kind)
         for label, look, edge in (("as printed", "-", 0.0), ("corrected", "--", margin)):
-            volts = InputCard([point], margin=edge).voltage(signal[:, None])
+            volts = InputCard([point], margin=edge).voltage(unit * signal[:, None])
             panel.plot(signal, volts, look if point.analogue else "o", label=label)
-        panel.set(xlabel=name, ylabel="input [V]")
+        panel.set(xlabel=name, ylabel="converter input [V]")
+    panel.set_xticks([0, 1])
     panel.figure.axes[-2].legend()
     return ax
 
