@@ -119,13 +119,13 @@ def _diagram(paper: str, item: str, arrowstyle: str, *, ax: Axes) -> Axes:
     return ax
 
 
-def panels(ax: Axes, rows: int, columns: int = 1, **share: bool) -> list[Axes]:
+def panels(ax: Axes, rows: int, columns: int = 1, *, sharex: bool = False) -> list[Axes]:
     """Divide axes of a grid into panels, for a figure with several parts, and hide the axes."""
     place = ax.get_subplotspec()
     if place is None:
         raise ArgumentError("ax has no place in a grid; create it with pyplot.subplots")
     ax.set_axis_off()
-    grid = place.subgridspec(rows, columns).subplots(squeeze=False, **share)
+    grid = place.subgridspec(rows, columns).subplots(sharex=sharex, squeeze=False)
     return [panel for row in grid for panel in row]
 
 

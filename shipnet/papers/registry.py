@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar
 
-from shipnet import style
+from shipnet import datasets, style
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_choice
 from shipnet.lazy import Axes
@@ -57,8 +57,9 @@ PAPERS: Mapping[str, str] = {
 #: Claim id -> its function; filled as the modules of the papers are imported.
 REGISTRY: dict[str, Recomputation] = {}
 
-#: (paper, item) -> function that draws a printed figure on given axes.
-FIGURES: dict[tuple[str, str], Callable[..., Any]] = {}
+#: (paper, item) -> function that draws a printed figure on given axes, and its size [inch] if the
+#: usual one is too small.
+FIGURES: dict[tuple[str, str], tuple[Callable[..., Any], tuple[float, float] | None]] = {}
 
 
 def load(papers: Collection[str] = tuple(PAPERS)) -> None:
@@ -96,18 +97,20 @@ def is_legal(function: Callable[..., object], *arguments: object, **named: objec
     return True
 
 
-def drawing(paper: str, *items: str, figsize=None) -> Callable[[Function], Function]:
+def drawing(
+    paper: str, *items: str, figsize: tuple[float, float] | None = None
+) -> Callable[[Function], Function]:
     """Register a function that draws printed figures on given axes."""
 
     def decorate(function: Function) -> Function:
-        FIGURES.update({(paper, item): function for item in items})
+        FIGURES.update({(paper, item): (function, figsize) for item in items})
         return function
 
     return decorate
 
 
 def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes:
-    """Draw a figure of a paper from our models and outlines.
+    """Draw a figure, or a table that is a drawing, from our models and outlines.
 
     Parameters
     ----------
@@ -128,7 +131,7 @@ def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes
     Raises
     ------
     ArgumentError
-        If no function draws the figure; the message lists the figures that are drawn.
+        If no function draws the item; the message lists the items that are drawn.
 
     Examples
     --------
@@ -140,9 +143,9 @@ def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes
     # Drawings are registered when their module is imported, which loads matplotlib.
     with suppress(ModuleNotFoundError):
         importlib.import_module(f"shipnet.papers.{paper}.plot")
-    drawn = sorted(name for key, name in FIGURES if key == paper)
-    if item not in drawn:
-        legal = f"it must be one of {', '.join(drawn)}" if drawn else f"{paper} has no drawings"
-        raise ArgumentError(f"item is {item!r}; {legal}")
-    made: Axes = FIGURES[paper, item](ax=style.axes(ax), **inputs)
+    printed = datasets.read("figures_tables.csv").query("paper == @paper")["item"]
+    drawn = [name for name in printed if (paper, name) in FIGURES]
+    function, figsize = FIGURES[paper, check_choice("item", item, drawn)]
+    options = {"figsize": figsize} if figsize else {}
+    made: Axes = function(ax=style.axes(ax, **options), **inputs)
     return made

@@ -128,11 +128,11 @@ def test_a_phone_shows_claims_and_glossary_without_scrolling_aside(page, url, si
         expect(cell).to_be_in_viewport(ratio=1, timeout=LONG)
     page.goto(f"{url}/glossary.html")
     assert page.evaluate(CUT, ".table-wrapper") == []
-    claims = pages_with(site, 'class="dataframe claims"')
+    claims = pages_with(site, 'class="dataframe shown"')
     assert len(claims) > 10
     for name in claims:
         page.goto(f"{url}/{name}")
-        assert page.evaluate(CUT, ".text_html:has(.claims)") == [], name
+        assert page.evaluate(CUT, ".text_html:has(.shown)") == [], name
 
 
 def test_a_table_that_is_too_wide_is_shaded_where_more_follows(page, url):
