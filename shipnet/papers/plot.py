@@ -53,8 +53,8 @@ class Block(NamedTuple):
         return self.x + part * dx, self.y + part * dy
 
 
-def diagram(paper: str, item: str, *, ax: Axes, arrowstyle: str = "->") -> dict[str, Block]:
-    """Draw a diagram or flow chart, whose blocks and ways are data, and return its blocks."""
+def diagram(paper: str, item: str, *, ax: Axes, arrowstyle: str = "->") -> Axes:
+    """Draw a diagram or flow chart, whose blocks and ways are data."""
 
     def rows(name: str) -> list[list[Any]]:
         table = datasets.read(name)
@@ -70,7 +70,8 @@ def diagram(paper: str, item: str, *, ax: Axes, arrowstyle: str = "->") -> dict[
         turns = [(float(x), float(y)) for x, y in map(str.split, filter(None, via.split(",")))]
         tail, head = blocks[start], blocks[end]
         points = [tail.edge((turns or [head[3:]])[0]), *turns, head.edge((turns or [tail[3:]])[-1])]
-        arrow(ax, points, arrowstyle)
+        look: Any = {"arrowstyle": arrowstyle, "mutation_scale": 10, "color": "0.3"}
+        ax.add_patch(FancyArrowPatch(path=Path(points), **look))
         corners += turns
         if word:
             _name(ax, points, word, loose=bool(turns))
@@ -81,16 +82,16 @@ def diagram(paper: str, item: str, *, ax: Axes, arrowstyle: str = "->") -> dict[
             ax.add_patch(Polygon(outline, facecolor=FILL[colour], edgecolor="0.2", zorder=2))
             ax.text(x, y, text, ha="center", va="center", zorder=3)
         elif shape == "text":
-            ax.text(x, y, text, ha="center", va="center", weight="bold")
+            ax.text(x, y, text, ha="center", va="center")
         else:
             box(ax, (x - width, y - height), 2 * width, 2 * height, FILL[colour], text)
-    halves = [(block.x, block.y, *_HALF[block.shape]) for block in blocks.values()]
-    reach = np.array(halves + [(*corner, 0.0, 0.0) for corner in corners])
-    (left, low), (right, top) = (
-        (reach[:, :2] + side * (reach[:, 2:] + 0.1)).T.tolist() for side in (-1, 1)
-    )
-    style.bare(ax, (min(left), max(right)), (min(low), max(top)))
-    return blocks
+    corners += [
+        (x + side * _HALF[shape][0], y + side * _HALF[shape][1])
+        for _, shape, _, x, y in blocks.values()
+        for side in (-1, 1)
+    ]
+    (left, low), (right, top) = np.min(corners, axis=0) - 0.1, np.max(corners, axis=0) + 0.1
+    return style.bare(ax, (left, right), (low, top))
 
 
 def _name(ax: Axes, points: Sequence[Point], word: str, *, loose: bool) -> None:
@@ -111,12 +112,7 @@ def _name(ax: Axes, points: Sequence[Point], word: str, *, loose: bool) -> None:
 def diagrams(paper: str, *items: str, arrowstyle: str = "->") -> None:
     """Register figures that consist of a diagram only."""
     for item in items:
-        drawing(paper, item)(partial(_diagram, paper, item, arrowstyle))
-
-
-def _diagram(paper: str, item: str, arrowstyle: str, *, ax: Axes) -> Axes:
-    diagram(paper, item, ax=ax, arrowstyle=arrowstyle)
-    return ax
+        drawing(paper, item)(partial(diagram, paper, item, arrowstyle=arrowstyle))
 
 
 def panels(ax: Axes, rows: int, columns: int = 1, *, sharex: bool = False) -> list[Axes]:
@@ -130,35 +126,11 @@ def panels(ax: Axes, rows: int, columns: int = 1, *, sharex: bool = False) -> li
 
 
 def box(
-    ax: Axes,
-    corner: tuple[float, float],
-    width: float,
-    height: float,
-    colour: str,
-    text: str = "",
-    *,
-    edge: str = "0.2",
-    linestyle: str = "-",
+    ax: Axes, corner: Point, width: float, height: float, colour: str, text: str = "", **look: Any
 ) -> None:
     """Draw a filled box with text in its centre."""
-    style.box(
-        ax,
-        *corner,
-        width,
-        height,
-        text,
-        facecolor=colour,
-        edgecolor=edge,
-        linestyle=linestyle,
-        zorder=2,
-    )
-
-
-def arrow(ax: Axes, points: Sequence[Point], arrowstyle: str = "->") -> None:
-    """Draw an arrow along these points."""
-    ax.add_patch(
-        FancyArrowPatch(path=Path(points), arrowstyle=arrowstyle, mutation_scale=10, color="0.3")
-    )
+    options: Any = {"facecolor": colour, "edgecolor": "0.2", "zorder": 2} | look
+    style.box(ax, *corner, width, height, text, **options)
 
 
 def fields(ax: Axes, rows: Mapping[str, Sequence[tuple[str, str, str, float]]]) -> Axes:

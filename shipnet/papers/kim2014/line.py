@@ -195,14 +195,6 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
 # Section 3.2, Fig 10, and section 3.5: what a valve does with a command.
 
 
-def _runs(action: str | float, opening: float = 0.0) -> float:
-    """Return the final position after a command [%]."""
-    plant = Plant(System(1, opening=opening))
-    plant.order(Command(action))
-    plant.run_until(20.0)
-    return 100 * float(plant.opening[0])
-
-
 @check("kim2014-106", counter={"own": range(2, MAX_UNIT + 1)})
 def other_ids_are_ignored(*, own: Sequence[int] = (1,)) -> bool:
     """Whether valve 1 moves, and responds, only to commands for the unit ids in `own`."""
@@ -214,16 +206,22 @@ def other_ids_are_ignored(*, own: Sequence[int] = (1,)) -> bool:
     return all(silent) and not plant.running.any()
 
 
-@check("kim2014-107", counter={"within": 0.0})
-def reaches_the_position(*, within: float = 1.0) -> bool:
-    """Whether a valve stops within this distance [%] of each position from 0 to 100."""
-    return all(abs(_runs(float(position)) - position) <= within for position in range(0, 101, 10))
+@check("kim2014-107", positions=tuple(range(0, 101, 10)), counter={"within": 0.0})
+@check("kim2014-088", positions=(0, 100), counter={"reversible": False})
+def reaches_the_position(
+    *, positions: Sequence[int], within: float = 1.0, reversible: bool = True
+) -> bool:
+    """Whether a half-open valve stops within this distance [%] of each of these positions.
 
-
-@check("kim2014-088", counter={"reverse": "open"})
-def reversing_closes(*, reverse: str = "close") -> bool:
-    """Whether one direction of the motor opens a valve, and the other closes it."""
-    return _runs("open") > 99 and _runs(reverse, opening=1.0) < 1
+    Without a reversible motor it could only open.
+    """
+    for position in positions:
+        plant = Plant(System(1, opening=0.5))
+        plant.order(Command(float(position if reversible else max(position, 50))))
+        plant.run_until(20.0)
+        if abs(100 * plant.opening[0] - position) > within:
+            return False
+    return True
 
 
 @check("kim2014-072", counter={"leak": 0.5})

@@ -37,9 +37,14 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
     """Draw central hydraulics piped to every valve and, next to it, valves with their own pumps."""
     places, low, aside = np.linspace(-0.8, 2.8, n_valves), 0.35, 5.2
     for number, x in enumerate([*places, *(places + aside)]):
-        _valve(ax, (x, low), "" if number < n_valves else "motor, pump,\ncontroller")
-        text = f"valve {number % n_valves + 1}"
-        ax.text(x, low - 0.32, text, ha="center", va="top")
+        for tip in (x - 0.3, x + 0.3):
+            edges = [x, tip, tip], [low, low - 0.2, low + 0.2]
+            ax.fill(*edges, facecolor=FILL["green"], edgecolor="0.2", lw=1)
+        ax.plot([x, x], [low, low + 0.35], color="0.2", lw=1)
+        width, bottom, height = (0.5, 0.2, 0.3) if number < n_valves else (1.04, 0.35, 0.65)
+        text = "" if number < n_valves else "motor, pump,\ncontroller"
+        box(ax, (x - width / 2, low + bottom), width, height, FILL["amber"], text)
+        ax.text(x, low - 0.32, f"valve {number % n_valves + 1}", ha="center", va="top")
     pipe: dict[str, Any] = {"color": "#b8860b", "lw": 1.6, "zorder": 0, "label": "_pipe"}
     for x in places:
         # Every valve has a pipe to open it and a pipe to close it.
@@ -52,12 +57,8 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
         ax.plot([x - 0.1] * 2, [low + 1, 1.5], **bus)
         ax.plot([x + 0.1] * 2, [low + 1, 1.65], **power)
     middle, left, right = 1 + aside, beside[0] - 0.35, beside[-1] + 0.35
-    ax.plot(
-        [middle - HALF[0], left, left, right, right, middle + HALF[0]],
-        [3, 3, 1.5, 1.5, 3, 3],
-        color="C0",
-        lw=1.2,
-    )
+    across = [middle - HALF[0], left, left, right, right, middle + HALF[0]]
+    ax.plot(across, [3, 3, 1.5, 1.5, 3, 3], color="C0", lw=1.2)
     ax.plot([beside[0] + 0.1, beside[-1] + 0.1], [1.65, 1.65], color="C1", lw=1.2)
     ax.plot([middle, middle], [1.65, 1.82], color="C1", lw=1.2)
     ax.text(left + 0.08, 2.55, "closed loop\nof Modbus", color="C0")
@@ -134,41 +135,16 @@ def _finding(*, fault: str = "V1", ax: Axes) -> Axes:
 
 
 @drawing("kim2014", "Fig 14", figsize=(8, 2.4))
-def _client(
-    *, page: Screen | None = None, window: Mapping[str, str] | None = None, ax: Axes
-) -> Axes:
-    """Draw the PC's window: connection, slave, command and answer, and the valves it has read."""
-    if page is None or window is None:
-        bed = TestBed(fault="V1", rng=2024)
-        window = {"connection": "port 502", "slave": "3", "command": "open"}
-        window |= {"answer": bed.command(3, "open")}
-        bed.wait(5.0)
-        page = bed.screen()
+def _client(*, page: Screen | None = None, ax: Axes, **window: str) -> Axes:
+    """Draw the fields of the PC's window, and the valves that it has read."""
+    window = window or {"connection": "port 502", "slave": "3", "command": "open"}
     left, right = panels(ax, 1, 2)
     for row, (name, text) in enumerate(window.items()):
         left.text(0.95, -row, name, ha="right", va="center")
         box(left, (1.05, -row - 0.35), 2.2, 0.7, "white", text)
     style.bare(left, (0, 3.4), (0.5 - len(window), 0.6))
-    page.plot(5, ax=right)
+    (TestBed().screen() if page is None else page).plot(5, ax=right)
     return ax
-
-
-def _valve(ax: Axes, place: tuple[float, float], drive: str) -> None:
-    """Draw the two triangles of a valve and, above them, its own drive or a small box."""
-    x, y = place
-    for side in (-1, 1):
-        ax.fill(
-            [x, x + 0.3 * side, x + 0.3 * side],
-            [y, y - 0.2, y + 0.2],
-            facecolor=FILL["green"],
-            edgecolor="0.2",
-            lw=1,
-        )
-    ax.plot([x, x], [y, y + 0.35], color="0.2", lw=1)
-    if drive:
-        box(ax, (x - 0.52, y + 0.35), 1.04, 0.65, FILL["amber"], drive)
-    else:
-        box(ax, (x - 0.25, y + 0.2), 0.5, 0.3, FILL["amber"])
 
 
 _MARKS = ".o^sD"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from itertools import pairwise
 from math import ceil
 
 import numpy as np
@@ -26,7 +25,6 @@ from shipnet.ballast.registers import (
 from shipnet.ballast.scan import READ_STATUS, command_poll, status_poll
 from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.ballast.slave import valve_slaves
-from shipnet.errors import FrameError
 from shipnet.fields import check_choice, check_scalar, check_whole
 from shipnet.lazy import pd
 from shipnet.modbus.frame import MAX_PDU, MAX_UNIT, rtu_frame
@@ -71,40 +69,23 @@ STANDARD = {
 
 
 def table(item: str) -> pd.DataFrame:
-    """Return the messages of Table 2 or 3 as printed, and the bytes of the printed message.
+    """Return the messages of Table 2 or 3 as printed, by the byte at which each field begins.
 
-    Below them are the bytes of the standard, with ``*`` where they differ; ``decoder`` is ``ok`` or
-    the error of the printed message.
+    Below each are the bytes of the standard, with ``*`` where they differ from the printed ones.
     """
     check_choice("item", item, ("Table 2", "Table 3"))
     access = "write" if item == "Table 2" else "read"
-    rows: dict[tuple[str, str], dict[str, str]] = {}
+    rows: dict[tuple[str, str], dict[int, str]] = {}
     for message, fields in _TABLES[access].groupby("message", sort=False):
         name = f"{access} {message}"
-        printed, standard = printed_adu(name), STANDARD[name]
-        heads = [f"bit.{label}" if label else "" for label in fields["label_printed"]]
-        rows[name, "field"] = dict(zip(heads, fields["field_printed"], strict=True))
-        rows[name, "as printed"] = dict(zip(heads, fields["value_printed"], strict=True))
-        rows[name, "its bytes"], rows[name, "standard"] = {"decoder": _verdict(name)}, {}
-        ends = np.cumsum([0, *fields["length_byte"].astype(int)])
-        for head, (first, last) in zip(heads, pairwise(ends), strict=True):
-            theirs, ours = (adu[first:last].hex(" ") for adu in (printed, standard))
-            rows[name, "its bytes"][head] = theirs
-            rows[name, "standard"][head] = ours + " *" * (ours != theirs)
-    return pd.DataFrame(rows).T.fillna("")
-
-
-def _verdict(message: str) -> str:
-    request = decode(STANDARD[f"{message.split()[0]} query"], "tcp").request()
-    try:
-        pdu = decode(printed_adu(message), "tcp").pdu
-        if message.endswith("query"):
-            Request.parse(pdu)
-        else:
-            Response.parse(pdu, request)
-    except FrameError as error:
-        return type(error).__name__
-    return "ok"
+        first, last = (fields[f"offset_{end}_byte"].astype(int) for end in ("first", "last"))
+        for row, column in (("bit", "label"), ("field", "field"), ("as printed", "value")):
+            rows[name, row] = dict(zip(first, fields[f"{column}_printed"], strict=True))
+        rows[name, "standard"] = {}
+        for begin, end in zip(first, last, strict=True):
+            theirs, ours = (adu[begin : end + 1] for adu in (printed_adu(name), STANDARD[name]))
+            rows[name, "standard"][begin] = ours.hex(" ") + " *" * (ours != theirs)
+    return pd.DataFrame(rows).T.fillna("").rename_axis(columns="byte")
 
 
 # Section 2.1, the first Table 1, Tables 2 and 3: fields, codes and lengths of the messages.
@@ -284,16 +265,6 @@ def answer_table(
 _VPOS = [channel.name for channel in CHANNELS].index("VPos")
 
 
-def _status(readings: list[list[float]], **flags: bool) -> tuple[int, bool]:
-    """Return register 0x4020 as in Table 2, and whether the position is out of range."""
-    packed = RegisterMap(status="table 2").encode(readings, **flags)
-    return int(packed.registers[0, 0]), bool(packed.saturated[0, _VPOS])
-
-
-def _at(position: float) -> list[list[float]]:
-    return [[0.0], [0.0], [0.0], [50.0], [position]]
-
-
 @numeric("kim2014-023")
 def sensors(*, names: tuple[str, ...] = tuple(channel.name for channel in CHANNELS)) -> int:
     """Number of sensors of a valve."""
@@ -309,8 +280,8 @@ def code_of_position_close() -> int:
 @check("kim2014-022", counter={"highest": 305.0})
 def position_fits(*, highest: float = 100.0) -> bool:
     """Whether positions up to this [%] fit into the high byte of a register."""
-    ends = (_status(_at(position), close=False, open=True) for position in (0.0, highest))
-    return not any(saturated for _, saturated in ends)
+    readings = [[0.0] * 2, [0.0] * 2, [0.0] * 2, [50.0] * 2, [0.0, highest]]
+    return not RegisterMap().encode(readings, close=False, open=True).saturated[:, _VPOS].any()
 
 
 @check("kim2014-055", counter={"table": "table 3"})
@@ -318,10 +289,11 @@ def echo_has_the_printed_bits(*, table: str = "table 2") -> bool:
     """Whether a valve echoes each command, and the echo sets the bit that Table 2 prints for it."""
     (valve,) = valve_slaves(Plant()).values()
     shift = {"table 2": 0, "table 3": 2}[table]
-    for row in _BITS[(_BITS["message"] == "response") & (_BITS["name_printed"] != "")].itertuples():
-        value = RegisterMap().command(Code(row.name_printed))
+    named = _BITS[(_BITS["message"] == "response") & (_BITS["name_printed"] != "")]
+    for name, printed in zip(named["name_printed"], named["bit_printed"], strict=True):
+        value = RegisterMap().command(Code(name))
         request = Request.write_single_register(COMMAND_REGISTER, value)
-        bit = int(row.bit_printed.removeprefix("Bit")) + shift
+        bit = int(printed.removeprefix("Bit")) + shift
         if valve.answer(request.pdu) != request.pdu or value != 1 << bit:
             return False
     return True

@@ -199,14 +199,11 @@ def crc_finds(*, others: tuple[int, ...] = ()) -> bool:
     """Whether the CRC detects all one- and two-bit errors of a request, and the `others`."""
     frame = read(POINTS).rtu(JB1)
     bits = [1 << bit for bit in range(8 * len(frame))]
-    patterns = [*bits, *(a | b for a, b in combinations(bits, 2)), *map(_as_sent, others)]
+    patterns = [*bits, *(a | b for a, b in combinations(bits, 2))]
+    # Polynomials have their highest power first, and so does a byte on the line its lowest bit.
+    patterns += [int(f"{pattern:b}"[::-1], 2) for pattern in others]
     value = int.from_bytes(frame, "little")
     return not any(is_legal(decode, (value ^ p).to_bytes(len(frame), "little")) for p in patterns)
-
-
-def _as_sent(pattern: int) -> int:
-    """Return a polynomial with its bits in the order of transmission, highest power first."""
-    return int(f"{pattern:b}"[::-1], 2)
 
 
 @numeric("lee2012-033")

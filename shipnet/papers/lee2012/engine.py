@@ -240,7 +240,7 @@ def adc_step() -> float:
 @check("lee2012-092", counter={"poles": 1})
 def switch_selects_the_mode(*, poles: int = 3) -> bool:
     """Whether an on/off switch with this many poles has a setting for each mode."""
-    return 2**poles >= modes()
+    return bool(2**poles >= modes())
 
 
 @check("lee2012-093", counter={"printed": "High"})

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.engine.faults import DeadBox
 from shipnet.engine.inputs import InputCard
-from shipnet.engine.points import CONDITIONS, read_points
+from shipnet.engine.points import CONDITIONS, PointList, read_points
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
 from shipnet.papers.lee2012.operation import response_scope, switch_over_scope
@@ -30,10 +30,10 @@ diagrams("lee2012", "Fig 7", "Fig 10", arrowstyle="-")
 @drawing("lee2012", "Fig 2")
 def _engine(*, cylinders: int = 8, ax: Axes) -> Axes:
     """Draw a simplified side view of the engine, with a junction box on each floor."""
-    box(ax, (0, 0), cylinders, 1, "0.92", "crankcase and bearings", edge="0.4")
-    box(ax, (0, 1), cylinders, 1, "0.96", "frame box", edge="0.4")
+    box(ax, (0, 0), cylinders, 1, "0.92", "crankcase and bearings", edgecolor="0.4")
+    box(ax, (0, 1), cylinders, 1, "0.96", "frame box", edgecolor="0.4")
     for number in range(cylinders):
-        box(ax, (number + 0.15, 2), 0.7, 0.9, "#cfe3f3", f"{number + 1}", edge="0.4")
+        box(ax, (number + 0.15, 2), 0.7, 0.9, "#cfe3f3", f"{number + 1}", edgecolor="0.4")
     listed = read_points()
     counted = listed.counts()["points"]
     for floor, name in enumerate(listed.boxes):
@@ -51,7 +51,7 @@ def _wiring(*, ax: Axes) -> Axes:
     points, top = read_points(), 3.2
     by_box = points.by_box()
     for x, width, room in ((-0.3, 5.5, "engine room"), (6.4, 2.0, "engine control room")):
-        box(ax, (x, -0.3), width, top + 0.6, "0.97", edge="0.6", linestyle="--")
+        box(ax, (x, -0.3), width, top + 0.6, "0.97", edgecolor="0.6", linestyle="--")
         ax.text(x + width / 2, top + 0.4, room, ha="center", va="bottom")
     rise, cables = 0.0, len(points)
     for floor, (name, sensors) in enumerate(by_box.items()):
@@ -98,7 +98,7 @@ def _converters(*, margin: float = 0.125, ax: Axes) -> Axes:
     ):
         point = next(p for p in read_points() if p.condition == kind)
         for label, look, edge in (("as printed", "-", 0.0), ("corrected", "--", margin)):
-            volts = InputCard([point], margin=edge).voltage(unit * signal[:, None])
+            volts = InputCard(PointList([point]), margin=edge).voltage(unit * signal[:, None])
             panel.plot(signal, volts, look if point.analogue else "o", label=label)
         panel.set(xlabel=name, ylabel="converter input [V]")
     panel.set_xticks([0, 1])
