@@ -134,16 +134,16 @@ def _finding(*, fault: str = "V1", ax: Axes) -> Axes:
     return bed.run.diagnose().plot(5, ax=ax)
 
 
-@drawing("kim2014", "Fig 14", figsize=(8, 2.4))
+@drawing("kim2014", "Fig 14", figsize=(6.4, 3))
 def _client(*, page: Screen | None = None, ax: Axes, **window: str) -> Axes:
     """Draw the fields of the PC's window, and the valves that it has read."""
     window = window or {"connection": "port 502", "slave": "3", "command": "open"}
-    left, right = panels(ax, 1, 2)
-    for row, (name, text) in enumerate(window.items()):
-        left.text(0.95, -row, name, ha="right", va="center")
-        box(left, (1.05, -row - 0.35), 2.2, 0.7, "white", text)
-    style.bare(left, (0, 3.4), (0.5 - len(window), 0.6))
-    (TestBed().screen() if page is None else page).plot(5, ax=right)
+    above, below = panels(ax, 2)
+    for column, (name, text) in enumerate(window.items()):
+        above.text(1.1 * column + 0.5, 0.75, name, ha="center", va="bottom")
+        box(above, (1.1 * column, 0), 1, 0.6, "white", text)
+    style.bare(above, (-0.1, 1.1 * len(window)), (-0.3, 1.2))
+    (TestBed().screen() if page is None else page).plot(5, ax=below)
     return ax
 
 
