@@ -70,8 +70,8 @@ def test_ledger_prints_every_claim_of_the_paper(capsys):
     assert row.split()[1:4] == ["0.7", "7.368", "erratum"]
     assert row.endswith("[%] -> 7.4 %")
     assert "*: holds under the condition" in out and "agrees* " in out
-    (quoted,) = [line for line in out.splitlines() if line.startswith("kim2023-010")]
-    assert quoted.split()[1:3] == ["100", "context"]
+    (quoted,) = [line for line in out.splitlines() if line.startswith("kim2023-068")]
+    assert quoted.split()[1:3] == ["14", "context"]
 
 
 def test_summary_counts_only(capsys):

@@ -105,7 +105,8 @@ class Ledger:
         """Return every claim, indexed by its id.
 
         `published` is as printed; `computed` is a float, or a bool for a statement, or None if not
-        computed; `relative_difference` is computed / published - 1.
+        computed; `margin` is the relative distance of a statement from its limit, negative if it
+        does not hold; `relative_difference` is computed / published - 1.
         """
         return pd.DataFrame([_judge(claim) for claim in self._claims]).set_index("id")
 
@@ -317,7 +318,9 @@ def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
     load([claim["paper"]])
     recomputation = REGISTRY.get(claim["id"])
     computed: Any = recomputation.value if recomputation else None
-    difference, outcome = math.nan, ""
+    difference, outcome, margin = math.nan, "", math.nan
+    if claim["kind"] == "qualitative" and isinstance(computed, float):
+        computed, margin = computed >= 0, computed
     if recomputation and claim["precision"]:
         published = as_number(claim["value"])
         outcome = match(published, computed, as_number(claim["precision"]))
@@ -329,6 +332,7 @@ def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
         "published": claim["value"],
         "unit": claim["unit"],
         "computed": computed,
+        "margin": margin,
         "basis": claim["basis"],
         "grade": claim["grade"],
         "relative_difference": difference,
@@ -367,7 +371,8 @@ def _ours(row: Mapping[str, Any]) -> str:
     """Return the computed value, with its unit if it is a number."""
     text = computed_text(row)
     unit = "" if isinstance(row["computed"], bool) or not text else row["unit"]
-    return f"{text} {unit}".strip()
+    margin = "" if math.isnan(row["margin"]) else f"(margin {row['margin']:.2g})"
+    return f"{text} {margin or unit}".strip()
 
 
 #: Verdicts and kinds in words.

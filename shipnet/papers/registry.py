@@ -1,7 +1,8 @@
 """The functions that recompute claims and draw figures of the papers.
 
-The function of a *numeric* claim returns our number, and the function of a *qualitative* claim
-returns whether the statement holds. Functions have named inputs, so that a test can change an input
+The function of a *numeric* claim returns our number. The function of a *qualitative* claim returns
+whether the statement holds or, as a float, by which fraction of its limit: negative if it does not
+hold. Functions have named inputs, so that a test can change an input
 and see the result change. Claims that differ only in their inputs share a function.
 """
 
@@ -36,7 +37,7 @@ class Recomputation:
 
     @cached_property
     def value(self) -> Any:
-        """The number, or whether the statement holds."""
+        """The number, or whether the statement holds, or its margin."""
         return self()
 
     @property
@@ -78,7 +79,8 @@ def check(
 ) -> Callable[[Function], Function]:
     """Register a function, with these inputs, as the check of qualitative claims.
 
-    With the inputs of `counter` the result must be the opposite; a test verifies this.
+    With the inputs of `counter` the result must be the opposite, or a margin of the opposite sign;
+    a test verifies this.
     """
 
     def decorate(function: Function) -> Function:

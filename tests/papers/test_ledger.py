@@ -241,9 +241,10 @@ def test_every_input_of_a_number_moves_it(claim):
 @pytest.mark.parametrize("claim", CHECKS)
 def test_every_check_can_give_the_opposite(claim):
     recomputation = REGISTRY[claim]
-    answer = recomputation.value
-    assert isinstance(answer, bool)
-    assert recomputation(**recomputation.counter) is (not answer)
+    answer, opposite = recomputation.value, recomputation(**recomputation.counter)
+    assert type(answer) is type(opposite) and isinstance(answer, (bool, float))
+    holds = answer >= 0 if isinstance(answer, float) else answer
+    assert holds is not (opposite >= 0 if isinstance(opposite, float) else opposite)
 
 
 def test_the_perturbation_finds_a_typed_constant():
@@ -400,8 +401,6 @@ OURS = {
     "lee2012-103": 1.7885365833,
     "lee2012-109": 15,
     "lee2012-110": 37 * 1.104,
-    "lee2012-111": 0.5000023178,
-    "lee2012-112": 1.1369770833,
     "kim2014-025": 7,
     "kim2014-036": 2 * 3,
     "kim2014-073": 12 - 2,
@@ -416,7 +415,6 @@ OURS = {
     "kim2014-082": 120 - 2.5,
     "kim2014-100": 3,
     "kim2014-109": 5,
-    "kim2014-112": 31,
     "chung1998-003": 4 * 33 * 10 / 9600,
     "chung1998-004": 33,
     "chung1998-018": 200 / 33,
@@ -449,7 +447,7 @@ def test_evidence_is_the_function_unless_the_claim_names_more():
 
 def test_status_follows_kind_and_function():
     status = table().set_index("id")["status"]
-    expected = {"kim2023-004": "judged", "kim2023-042": "judged", "kim2023-010": "context"}
+    expected = {"kim2023-004": "judged", "kim2023-042": "judged", "kim2023-011": "context"}
     expected |= {"kim2023-045": "ours", "kim2023-063": "not reproducible"}
     expected |= {"kim2023-013": "not verified", "kim2023-044": "erratum"}
     assert status[list(expected)].to_dict() == expected

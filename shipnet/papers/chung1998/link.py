@@ -266,11 +266,12 @@ def deaths(
 
 
 @check("chung1998-017", counter={"all_data": True})
-def speed_has_little_effect(*, all_data: bool = False, limit: float = 1.0) -> bool:
-    """Whether SS follows a switch within `limit` [s] at each bit rate."""
+def speed_has_little_effect(*, all_data: bool = False, limit: float = 1.0) -> float:
+    """Margin by which SS follows every switch within `limit` [s] at each bit rate."""
     system = System(MarkerFormat(n_numbers=ITEMS), repeat=ITEMS if all_data else 0)
     table = switch_delays(system, changes=10, rng=2024)
-    return bool((table["followed"] == 10).all() and (table["longest_s"] <= limit).all())
+    followed = (table["followed"] == 10).all()
+    return 1 - float(table["longest_s"].max()) / limit if followed else -1.0
 
 
 @check("chung1998-065", counter={"lost": True})
@@ -329,11 +330,10 @@ def crc_costs_more(*, few: int = 1, many: int = ITEMS) -> bool:
 
 
 @check("chung1998-074", counter={"changed": 7})
-def changes_are_shorter(*, changed: int = 6) -> bool:
-    """Whether this many numbered items need fewer bytes than all ten without numbers."""
+def changes_are_shorter(*, changed: int = 6) -> float:
+    """Margin by which so many numbered items need fewer bytes than all ten without numbers."""
     form = MarkerFormat(n_numbers=ITEMS)
-    unnumbered = form.size(ITEMS) - ITEMS
-    return form.size(changed) < unnumbered
+    return 1 - form.size(changed) / (form.size(ITEMS) - ITEMS)
 
 
 @check("chung1998-075", counter={"rate": 1e-13})
@@ -349,9 +349,9 @@ def check_depends_on_the_number(*, rate: float = 1e-5) -> bool:
 
 
 @check("chung1998-072", counter={"items": 80})
-def changes_arrive_soon(*, items: int = ITEMS) -> bool:
-    """Whether a change on the bridge reaches SS within 1 s, with all data in every packet."""
-    return bool(as_printed(items).response_time() <= 1.0)
+def changes_arrive_soon(*, items: int = ITEMS, limit: float = 1.0) -> float:
+    """Margin by which a change on the bridge reaches SS within `limit` [s], all data being sent."""
+    return 1 - as_printed(items).response_time() / limit
 
 
 @check("chung1998-048", counter={"first": 1})
@@ -365,8 +365,8 @@ def stations_take_turns(*, first: int = 0) -> bool:
 
 
 @check("chung1998-068", counter={"interval": 3600.0})
-def loss_does_no_harm(*, interval: float = 1.0) -> bool:
-    """Whether values are right again within `PATIENCE`, on average, after a failed packet.
+def loss_does_no_harm(*, interval: float = 1.0) -> float:
+    """Margin by which values are right within `PATIENCE`, on average, after a failed packet.
 
     They change every `interval` [s]. Assumed: one data item per packet, a bit error rate of 1e-5.
     """
@@ -374,7 +374,7 @@ def loss_does_no_harm(*, interval: float = 1.0) -> bool:
     wait = switch_staleness(
         form.error_shares(1, 1e-5), System(form).cycle_time, interval, "changed"
     )
-    return wait.duration <= PATIENCE
+    return 1 - wait.duration / PATIENCE
 
 
 @check("chung1998-069", counter={"place": 3})

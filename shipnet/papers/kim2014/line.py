@@ -120,19 +120,13 @@ def sensors_are_seen_before_the_reply(*, at_end: bool = True, movement: float = 
     return bool(row["answered"] and row["polls_while_moving"] > 0)
 
 
-@numeric("kim2014-112")
-def valves_seen_during_a_stroke(*, readings: int = 10, stroke: float = 10.0) -> int:
-    """Number of valves that can each be read this often during a stroke [s], at 9600 bit/s."""
-    return status_poll(9600).max_slaves(stroke / readings)
-
-
 @check("kim2014-111", counter={"slaves": MAX_UNIT})
-def sensors_are_watched(*, slaves: int = 5) -> bool:
-    """Whether the master reads each of its valves at least ten times during a stroke."""
-    return slaves <= valves_seen_during_a_stroke()
+def sensors_are_watched(*, slaves: int = 5, stroke: float = 10.0) -> float:
+    """Margin by which the master reads each valve ten times during a stroke [s] at 9600 bit/s."""
+    return 1 - 10 * status_poll(9600).scan_time(slaves) / stroke
 
 
-@check("kim2014-116", counter={"start": 1})
+@check("kim2014-115", counter={"start": 1})
 def slaves_are_scanned_in_order(*, start: int = 0) -> bool:
     """Whether the statuses arrive in the order of the unit ids, round after round."""
     units = [status.unit for status in operate(Plant(System(5, status_poll(9600))), until=5).shown]
@@ -225,12 +219,12 @@ def reaches_the_position(
 
 
 @check("kim2014-072", counter={"leak": 0.5})
-def opens_within_ten_seconds(*, leak: float = 0.0) -> bool:
-    """Whether a valve opens within 10 s, with a pump leak of this severity."""
+def opens_within_ten_seconds(*, leak: float = 0.0) -> float:
+    """Margin by which a valve opens within 10 s, with a pump leak of this severity."""
     plant = Plant(1, [Fault("P2", leak)] if leak else [])
     plant.order(Command("open"))
     plant.run_until(60.0)
-    return bool(plant.last_run[0] <= 10.0)
+    return 1 - float(plant.last_run[0]) / 10.0
 
 
 @check("kim2014-110", counter={"unit": 4})
@@ -274,11 +268,11 @@ def same_pdu_on_both(*, header: int = 7) -> bool:
 
 
 @check("kim2014-102", counter={"bit_rate": 50e3})
-def carries_more(*, bit_rate: float = 10e6, registers: int = 125) -> bool:
-    """Whether a response is faster on Ethernet at this rate than on a serial line at 115200 bit/s.
+def carries_more(*, bit_rate: float = 10e6, registers: int = 125) -> float:
+    """Margin by which Ethernet at this rate is faster than a serial line at 115200 bit/s.
 
     The Ethernet frame adds 18 bytes, IP and TCP 20 each, preamble and gap another 20.
     """
     response = Response(FunctionCode.READ_INPUT_REGISTERS, registers=(0,) * registers)
     serial = SerialLine(RATES[-1]).frame_time(len(response.rtu(1)))
-    return 8 * (len(response.tcp(1, 0)) + 78) / bit_rate < serial
+    return 1 - 8 * (len(response.tcp(1, 0)) + 78) / bit_rate / serial

@@ -321,9 +321,9 @@ def converter_step(*, span: float = 100.0) -> float:
 
 
 @check("kim2014-105", counter={"percent": 0.01})
-def converter_resolves(*, percent: float = 1.0) -> bool:
-    """Whether the converter distinguishes positions this far apart [%]."""
-    return bool(Sensors().step[_VPOS] < percent)
+def converter_resolves(*, percent: float = 1.0) -> float:
+    """Margin by which the converter distinguishes positions this far apart [%]."""
+    return 1 - float(Sensors().step[_VPOS]) / percent
 
 
 @numeric("kim2014-079")
