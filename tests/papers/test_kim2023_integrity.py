@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
 
-from shipnet.asi import Master, Response, Slave, Standby, faults, simulate
+from shipnet.asi import Master, Response, Slave, Standby, simulate
+from shipnet.asi.faults import MasterFailure
 from shipnet.asi.modulation import Modulation, Pulses
 from shipnet.papers.kim2023.signals import check_bits, undetected
 
@@ -88,6 +89,6 @@ def test_faults_of_requests_counted_by_trying_them_all():
 def test_a_watchdog_of_94_ms_tolerates_50_ms():
     for silence, resets in ((0.05, 0), (0.09, 0), (0.1, 1)):
         standby = Standby(Master({"1": "S-0.F.F"}), silence=silence)
-        failure = faults.MasterFailure(start=0.1)
+        failure = MasterFailure(start=0.1)
         run = simulate([Slave("1")], standby.master, until=0.3, faults=failure, standby=standby)
         assert len(run.watchdogs) == resets

@@ -440,7 +440,7 @@ def test_numbers_that_no_paper_prints():
 def test_evidence_is_the_function_unless_the_claim_names_more():
     evidence = table().set_index("id")["evidence"]
     assert evidence["kim2023-004"] == "shipnet.papers.kim2023.protocol.conductors_left"
-    assert evidence["icn2007-012"] == "shipnet.papers.kim2023.protocol.response_bits"
+    assert evidence["icn2007-012"] == "shipnet.papers.kim2023.protocol.telegram_bits"
     assert evidence["kim2023-074"] == "kim2023-072; kim2023-073"
     assert evidence["kim2014-015"] == ""
 

@@ -38,6 +38,7 @@ from shipnet.papers.kim2023.protocol import (
     master_pause_of_chip,
     reach,
     slaves_per_master,
+    word_bits,
 )
 from shipnet.papers.registry import REGISTRY, check, is_legal, numeric
 
@@ -82,6 +83,7 @@ _SHARED = {
 }
 REGISTRY.update({ours: REGISTRY[theirs] for ours, theirs in _SHARED.items()})
 numeric("icn2007-005", unit=1e-3)(bit_time)
+numeric("icn2007-021", bits=Request.data_exchange(21, 0xE).bits)(word_bits)
 numeric("icn2007-036", halves=(None,))(slaves_per_master)
 check("icn2007-038", repeats=False, counter={"wait": 11.0})(goes_on_after)
 
@@ -111,12 +113,6 @@ def example_for_21a(*, data: int = 0xE) -> bool:
 def output_bits(*, profile: str) -> int:
     """Number of output bits in a request to a slave with this profile."""
     return Profile.parse(profile).output_bits
-
-
-@numeric("icn2007-021")
-def request_word() -> int:
-    """Bits of a request without start, parity and end bit."""
-    return len(Request.data_exchange(21, 0xE).bits) - len(frame(""))
 
 
 @check("icn2007-043", counter={"bits": "0011011"})
@@ -156,29 +152,22 @@ def not_acknowledged(*, call: Call = Call.BROADCAST_RESET) -> bool:
 # Lost responses, dead slaves and the standby master --------------------------------------------
 
 
-@check("icn2007-028", counter={"damaged": False})
-def silent_after_error(*, damaged: bool = True) -> bool:
-    """Whether a synchronous slave ignores a damaged request."""
-    bits = Request(Call.READ_ID, 3).bits
-    if damaged:
-        bits = bits[:-2] + str(1 - int(bits[-2])) + bits[-1]
-    return answer_to(bits) == "silence"
+#: A request to slave 3, one to slave 4, one with a wrong parity bit, and one of no call of the
+#: standard: control bit 1, address 3, information 10111.
+OWN, OTHER = (Request(Call.READ_ID, address).bits for address in (3, 4))
+DAMAGED, UNKNOWN = OWN[:-2] + str(1 - int(OWN[-2])) + OWN[-1], "01000111011111"
 
 
-@check("icn2007-052", counter={"bits": Request(Call.READ_ID, 3).bits})
-def silent_to_others(*, bits: str = "") -> bool:
-    """Whether a synchronous slave ignores requests to other slaves and unknown calls."""
-    requests = [bits] if bits else [Request(Call.READ_ID, 4).bits, UNKNOWN]
-    return all(answer_to(one) == "silence" for one in requests)
+@check("icn2007-028", requests=(DAMAGED,), counter={"requests": (OWN,)})
+@check("icn2007-052", requests=(OTHER, UNKNOWN), counter={"requests": (OWN,)})
+def is_silent(*, requests: tuple[str, ...]) -> bool:
+    """Whether slave 3, if synchronous, responds to none of these requests."""
+    return all(answer_to(bits) == "silence" for bits in requests)
 
 
-#: Control bit 1, address 3, information 10111: reserved, so not a call of the standard.
-UNKNOWN = "01000111011111"
-
-
-def answer_to(bits: str) -> str:
-    """Return the response of slave 3, which is synchronous, to a request."""
-    return str(Slave("3").listen(["", bits])["answer"].iloc[-1])
+def answer_to(*telegrams: str) -> str:
+    """Return the response of slave 3, which is synchronous, to the last of these telegrams."""
+    return str(Slave("3").listen(["", *telegrams])["answer"].iloc[-1])
 
 
 @check("icn2007-034", counter={"lost": 0})
@@ -423,10 +412,11 @@ def trunk_and_star(leg: float = 10 / SLAVES, supply: float = 90.0) -> Plan:
     return star(90, [leg] * SLAVES, supply=supply)
 
 
-@check("icn2007-003", counter={"leg": 2.0})
-def star_behind_trunk_is_allowed(*, leg: float = 10 / SLAVES) -> float:
-    """Smallest margin of a star of 62 legs of this length [m] at the end of 90 m."""
-    return margin_of(trunk_and_star(leg))
+@check("icn2007-003", supply=90.0, counter={"leg": 2.0})
+@check("icn2007-056", supply=0.0, counter={"supply": 90.0})
+def star_behind_trunk(*, supply: float, leg: float = 10 / SLAVES) -> float:
+    """Smallest margin of 90 m of cable, fed at `supply` [m], and a star of legs of this length."""
+    return margin_of(trunk_and_star(leg, supply))
 
 
 @check("icn2007-004", counter={"length": 101.0})
@@ -468,12 +458,6 @@ def impedance_rises(*, quantity: str = "series impedance") -> float:
     wave = np.sqrt(series / cable.shunt_admittance(s))
     low, high = np.abs(series if quantity == "series impedance" else wave)
     return float(high / low / 10 - 1)
-
-
-@check("icn2007-056", counter={"supply": 90.0})
-def supply_may_be_anywhere(*, supply: float = 0.0) -> float:
-    """Smallest margin of the star behind a trunk if it is fed at `supply` [m]."""
-    return margin_of(trunk_and_star(supply=supply))
 
 
 @check("icn2007-057", counter={"longest": 200.0})
@@ -567,6 +551,4 @@ def none_meets_both(*, names: tuple[str, ...] = MODULATIONS) -> bool:
 @check("icn2007-069", counter={"pause": False})
 def reads_the_next_request(*, pause: bool = True) -> bool:
     """Whether a slave that heard a damaged request answers its own next one."""
-    damaged, own = "00101010111011", Request(Call.READ_ID, 3).bits
-    telegrams = ["", damaged, *[""] * pause, own]
-    return str(Slave("3").listen(telegrams)["answer"].iloc[-1]) != "silence"
+    return answer_to(DAMAGED, *[""] * pause, OWN) != "silence"

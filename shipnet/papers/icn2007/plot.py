@@ -20,6 +20,12 @@ REQUEST = Request.data_exchange(21, 0xE)
 SKIN = Cable(r=0.03, l=0.65e-6, c=65e-12, skin=30e3)
 
 
+drawing("icn2007", "Fig 9", figsize=(9, 2.6))(
+    lambda *, ax: Transaction().plot(REQUEST, REQUEST.answer(0x6), ax)
+)
+drawing("icn2007", "Fig 3.19", figsize=(9, 2.2))(lambda *, ax: Slave.plot_states(ax))
+
+
 @drawing("icn2007", "Fig 7a/7b", figsize=(7, 4.6))
 def _bits_and_pulses(*, at: float = 50.0, ax: Axes) -> Axes:
     """Draw bits, current and voltage of the example request."""
@@ -40,12 +46,6 @@ def _eyes(*, lengths: tuple[float, ...] = (100, 150, 200), ax: Axes) -> Axes:
         panel.label_outer()
         panel.legend().remove()
     return ax
-
-
-@drawing("icn2007", "Fig 9", figsize=(9, 2.6))
-def _message(*, ax: Axes) -> Axes:
-    """Draw the example with the parity bit corrected."""
-    return Transaction().plot(REQUEST, REQUEST.answer(0x6), ax=ax)
 
 
 @drawing("icn2007", "Fig 4-1", figsize=(6.4, 4.4))
@@ -81,9 +81,3 @@ def _attenuation(*, ax: Axes) -> Axes:
     ax.set(xlabel="frequency [kHz]", ylabel="loss [dB / 100 m]", xlim=(0, 800), ylim=(0, 0.6))
     style.legend(ax)
     return ax
-
-
-@drawing("icn2007", "Fig 3.19", figsize=(9, 2.2))
-def _states(*, ax: Axes) -> Axes:
-    """Draw the receive states of a slave."""
-    return Slave.plot_states(ax=ax)

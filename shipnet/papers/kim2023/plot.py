@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,28 +21,25 @@ from shipnet.papers.kim2023.signals import DAMAGE
 from shipnet.papers.plot import FILL, box, diagrams, panels
 from shipnet.papers.registry import drawing
 
+_VALVES = read_iolist(datasets.path("synthetic_iolist_valves.csv"))
 _RECORD: dict[str, Any] = {"dt": 50e-9, "before": 0, "after": 9.2e-6}
 
 
-def _wiring(option: str, *, ax: Axes) -> Axes:
-    """Draw the wires of four valves."""
-    return read_iolist(datasets.path("synthetic_iolist_valves.csv")).plot(option, ax=ax)
+def _simple(item: str, figsize: tuple[float, float], draw: Callable[[Axes], Axes]) -> None:
+    """Register a figure that one call draws."""
+    drawing("kim2023", item, figsize=figsize)(lambda *, ax: draw(ax))
 
 
-drawing("kim2023", "Fig 1", figsize=(8, 4))(partial(_wiring, "home runs"))
-drawing("kim2023", "Fig 2", figsize=(8, 4))(partial(_wiring, "AS-i"))
+_simple("Fig 1", (8, 4), lambda ax: _VALVES.plot("home runs", ax=ax))
+_simple("Fig 2", (8, 4), lambda ax: _VALVES.plot("AS-i", ax=ax))
+_simple("Table 7", (8, 2.4), Profile.plot_table)
 diagrams("kim2023", "Fig 10", arrowstyle="-")
 
 
 @drawing("kim2023", "Fig 3", "Fig 4")
 def _near_and_far(*, near: float = 5.0, far: float = 100.0, ax: Axes) -> Axes:
-    """Draw the response of a slave near the supply and of one far from it."""
-    wave = line(100, slaves=(near, far)).waveform(Response(0x6), **_RECORD)
-    ax.plot(wave.t * 1e6, wave.u[0], label=f"slave at {near:g} m (Fig 3)")
-    ax.plot(wave.t * 1e6, wave.u[1], "--", label=f"slave at {far:g} m (Fig 4)")
-    ax.set(xlabel="time [us]", ylabel="voltage at the master [V]")
-    style.legend(ax)
-    return ax
+    """Draw the responses of a slave near the supply and of one far from it."""
+    return line(100, slaves=(near, far)).waveform(Response(0x6), **_RECORD).plot(ax)
 
 
 @drawing("kim2023", "Fig 5", figsize=(9, 5))
@@ -120,9 +117,3 @@ def _six_steps(*, data: int = 0x6, ax: Axes) -> Axes:
     wave = line(100, slaves=(5, 100)).waveform(response, "5 m", **_RECORD)
     Modulation(response.bits).plot(wave, axes=panels(ax, 6, sharex=True))
     return ax
-
-
-@drawing("kim2023", "Table 7", figsize=(8, 2.4))
-def _io_codes(*, ax: Axes) -> Axes:
-    """Draw the directions of the ports for each I/O code."""
-    return Profile.plot_table(ax)

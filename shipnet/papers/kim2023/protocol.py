@@ -44,42 +44,25 @@ EXAMPLE_REQUEST, EXAMPLE_RESPONSE = str(_EXAMPLES["request"]), str(_EXAMPLES["re
 DATASHEET_FRAMES = tuple(datasets.read("asi_datasheet_frames.csv")["bits"])
 
 
-@numeric("kim2023-026")
-def request_bits() -> int:
-    """Bits of a request."""
-    return len(Request.data_exchange(21, 0xE).bits)
+@numeric("kim2023-026", bits=Request.data_exchange(21, 0xE).bits)
+@numeric("kim2023-027", bits=Response(0x6).bits)
+def telegram_bits(*, bits: str) -> int:
+    """Bits of a telegram."""
+    return len(bits)
 
 
-@numeric("kim2023-027")
-def response_bits() -> int:
-    """Bits of a response."""
-    return len(Response(0x6).bits)
+@numeric("kim2023-008", bits=Response(0x6).bits)
+def word_bits(*, bits: str) -> int:
+    """Bits of a telegram without start, parity and end bit."""
+    return len(bits) - len(frame(""))
 
 
-# The bits of a request and of a response without start, parity and end bit.
-
-
-@numeric("kim2023-008")
-def response_word() -> int:
-    """Bits of a response without start, parity and end bit."""
-    return len(Response(0x6).bits) - len(frame(""))
-
-
-def read_in_place(bits: str) -> Request:
-    """Decode a request without checking its parity bit, which is wrong in the example."""
-    return Request.parse(frame(bits[1:-2]))
-
-
-@numeric("kim2023-037")
-def example_address(*, bits: str = EXAMPLE_REQUEST) -> int:
-    """Address in a request."""
-    return read_in_place(bits).address
-
-
-@numeric("kim2023-038")
-def example_data(*, bits: str = EXAMPLE_REQUEST) -> int:
-    """Data in a request."""
-    return read_in_place(bits).data
+@numeric("kim2023-037", part="address")
+@numeric("kim2023-038", part="data")
+def example_request(*, part: str, bits: str = EXAMPLE_REQUEST) -> int:
+    """Address or data of a request; its parity bit, which is wrong in the example, is ignored."""
+    request = Request.parse(frame(bits[1:-2]))
+    return {"address": request.address, "data": request.data}[part]
 
 
 @numeric("kim2023-039")
@@ -387,22 +370,17 @@ def lines_for_valves(*, valves: int = 400) -> int:
     return lines_needed(valves)
 
 
-@numeric("kim2023-069")
-def slaves_per_line(*, slaves: int = 190, masters: int = 14) -> float:
-    """Mean number of slaves of a master."""
-    return slaves / masters
-
-
 @numeric("kim2023-070")
 def total_length(*, masters: int = 14, repeaters: int = 5, segment: int = 100) -> int:
     """Length of cable that masters and repeaters allow [m]."""
     return (masters + repeaters) * segment
 
 
-@numeric("kim2023-071")
-def valves_per_slave(*, valves: int = 200, slaves: int = 190) -> float:
-    """Mean number of valves of a slave."""
-    return valves / slaves
+@numeric("kim2023-069", number=190, groups=14)
+@numeric("kim2023-071", number=200, groups=190)
+def mean_size(*, number: int, groups: int) -> float:
+    """Mean number of slaves of a master, or of valves of a slave."""
+    return number / groups
 
 
 # Section 3.4, commands (c) to (e): addresses and ID codes of slaves, on a simulated line.
@@ -439,63 +417,46 @@ def outputs_are_reset_later(*, shortest: float = 0.05) -> float:
     return float((run.watchdogs["time_s"].min() - last) / shortest - 1)
 
 
-def running(label: str) -> RunningSlave:
-    """Return a running slave with four outputs that has heard a pause."""
-    slave = RunningSlave(Slave(label, "S-8.F.F"))
-    slave.pause()
-    return slave
-
-
-def hear(slave: RunningSlave, request: Request, time: float) -> int | None:
-    """Return the data of a slave's response; then it hears a pause."""
-    response = slave.hear(request.bits, time)
-    slave.pause()
-    return None if response is None else response.data
+def after(label: str, *requests: Request) -> tuple[RunningSlave, int | None]:
+    """Return a slave with four outputs after these requests, 0.1 s apart, and its last answer."""
+    slave, data = RunningSlave(Slave(label, "S-8.F.F", watchdog=1.0)), None
+    for number, request in enumerate(requests):
+        slave.pause()
+        response = slave.hear(request.bits, 0.1 * number)
+        data = None if response is None else response.data
+    return slave, data
 
 
 @check("kim2023-100", counter={"call": Call.READ_STATUS})
 def reset_restores_the_initial_state(*, call: Call = Call.RESET) -> bool:
     """Whether this call restores a slave's outputs and parameter, and its address stays."""
-    fresh, used = running("21"), running("21")
-    hear(used, Request(Call.WRITE_PARAMETER, 21, 0x5), 0.0)
-    hear(used, Request.data_exchange(21, 0x3), 0.001)
-    before = (int(used.fields["outputs"]), used.parameter)
-    hear(used, Request(call, 21), 0.002)
-    after = (int(used.fields["outputs"]), used.parameter)
-    initial = (int(fresh.fields["outputs"]), fresh.parameter)
-    return bool(before != initial and after == initial and used.address == 21)
+    used = [Request(Call.WRITE_PARAMETER, 21, 0x5), Request.data_exchange(21, 0x3)]
+    slaves = [after("21", *requests)[0] for requests in ([], used, [*used, Request(call, 21)])]
+    initial, busy, reset = [(int(one.fields["outputs"]), one.parameter) for one in slaves]
+    return busy != initial and reset == initial and slaves[-1].address == 21
 
 
-@check("kim2023-120", counter={"assign": True})
-def deletion_is_temporary(*, assign: bool = False) -> bool:
+@check("kim2023-120", counter={"assigned": 9})
+def deletion_is_temporary(*, assigned: int = 0) -> bool:
     """Whether a slave whose address is deleted gets it back by a reset, unless assigned anew."""
-    slave = running("21")
-    hear(slave, Request(Call.DELETE_ADDRESS, 21), 0.0)
-    deleted = slave.address == 0
-    if assign:
-        hear(slave, Request(Call.ASSIGN_ADDRESS, 0, 9), 0.001)
-    hear(slave, Request(Call.RESET, slave.address), 0.1)
-    return deleted and slave.address == 21
+    requests = [Request(Call.DELETE_ADDRESS, 21)]
+    requests += [Request(Call.ASSIGN_ADDRESS, 0, assigned)] if assigned else []
+    deleted = after("21", requests[0])[0].address == 0
+    return deleted and after("21", *requests, Request(Call.RESET, assigned))[0].address == 21
 
 
-@check("kim2023-124", counter={"call": Call.READ_ID1})
-def id1_can_be_written(*, call: Call = Call.WRITE_ID1) -> bool:
-    """Whether every ID code 1 sent by this call to a slave at address 0 is read back."""
-    read = []
-    for code in range(16):
-        slave = running("0")
-        hear(slave, Request(call, 0, code if call is Call.WRITE_ID1 else 0), 0.0)
-        read.append(hear(slave, Request(Call.READ_ID1, 0), 0.1))
+@check("kim2023-124", counter={"written": False})
+def id1_can_be_written(*, written: bool = True) -> bool:
+    """Whether every ID code 1 that is `written` to a slave at address 0 is read back."""
+    write = [[Request(Call.WRITE_ID1, 0, code)] if written else [] for code in range(16)]
+    read = [after("0", *requests, Request(Call.READ_ID1, 0))[1] for requests in write]
     return read == list(range(16))
 
 
-@check("kim2023-126", counter={"io": 7})
+@check("kim2023-126", counter={"io": 8})
 def without_configuration_all_ports_are_tri(*, io: int = 15) -> bool:
-    """Whether a slave with this I/O code reports it, and none of its ports has a function."""
-    slave = RunningSlave(Slave("1", Profile(io, 15)))
-    slave.pause()
-    code = hear(slave, Request(Call.READ_IO_CONFIGURATION, 1), 0.0)
-    return code == io and set(Profile.table().loc[f"{io:X}"]) == {"TRI"}
+    """Whether none of the ports has a function if the I/O code is this one."""
+    return set(Profile(io, 15).ports) == {"TRI"}
 
 
 @check("kim2023-123", counter={"orders": 0})
@@ -549,6 +510,7 @@ CHIP_EDGES = tuple(
 
 
 @numeric("kim2023-020", unit=1e-6)
+@numeric("kim2023-022", unit=2e-6)
 def bit_time(*, unit: float) -> float:
     """Duration of a bit as a multiple of `unit`, which is in seconds."""
     return Transaction().bit_time / unit
@@ -558,12 +520,6 @@ def bit_time(*, unit: float) -> float:
 def bit_rate() -> float:
     """Bit rate [kbit/s]."""
     return 1e-3 * Transaction().bits / Transaction().duration
-
-
-@numeric("kim2023-022")
-def half_bit() -> float:
-    """Duration of half a bit [us]."""
-    return 1e6 * Transaction().bit_time / 2
 
 
 def master_pause_of_chip(*, edge: float) -> float:
