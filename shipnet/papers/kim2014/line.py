@@ -120,10 +120,11 @@ def sensors_are_seen_before_the_reply(*, at_end: bool = True, movement: float = 
     return bool(row["answered"] and row["polls_while_moving"] > 0)
 
 
-@check("kim2014-111", counter={"slaves": MAX_UNIT})
-def sensors_are_watched(*, slaves: int = 5, stroke: float = 10.0) -> float:
-    """Margin by which the master reads each valve ten times during a stroke [s] at 9600 bit/s."""
-    return 1 - 10 * status_poll(9600).scan_time(slaves) / stroke
+@check("kim2014-111", rate=9600.0, counter={"slaves": MAX_UNIT})
+@check("kim2014-041", rate=float(RATES[0]), counter={"slaves": MAX_UNIT})
+def sensors_are_watched(*, rate: float, slaves: int = 5, stroke: float = 10.0) -> float:
+    """Margin by which the master reads each valve ten times during a stroke [s]."""
+    return 1 - 10 * status_poll(rate).scan_time(slaves) / stroke
 
 
 @check("kim2014-115", counter={"start": 1})
