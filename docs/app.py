@@ -33,6 +33,8 @@ PREHEAT = "--preheat_kernel"
 NOT_NEEDED = "--VoilaConfiguration.extension_denylist=@jupyter-notebook/lab-extension"
 # Kernels whose pages are closed end after 120 s.
 CULL = ("--MappingKernelManager.cull_idle_timeout=120", "--MappingKernelManager.cull_interval=30")
+# On a busy machine, a kernel may take longer than Voila's 4 s to send its output.
+PATIENT = ("--VoilaExecutor.iopub_timeout=60", "--VoilaExecutor.startup_timeout=120")
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ def voila(folder: Path, data: Path, *options: str) -> tuple[list[str], dict[str,
     """Return the command that runs Voila with the template in `data`, and its environment."""
     found = os.environ.get("JUPYTER_PATH")
     environment = os.environ | {"JUPYTER_PATH": os.pathsep.join(filter(None, [str(data), found]))}
-    fixed = ("--no-browser", "--theme=light", "--template=shipnet", NOT_NEEDED, *CULL)
+    fixed = ("--no-browser", "--theme=light", "--template=shipnet", NOT_NEEDED, *CULL, *PATIENT)
     if not any(option.startswith(PREHEAT) for option in options):
         # The delay [s] lets a page load and do its first updates before the next kernel starts.
         fixed += (f"{PREHEAT}=True", "--VoilaKernelManager.fill_delay=5")

@@ -195,11 +195,11 @@ def papers_page() -> str:
 
 
 def anchored(notebook: str) -> str:
-    """Return a notebook in which each code cell has an anchor to which the links of papers lead."""
+    """Return a notebook with an anchor before each code cell and heading, for links to cells."""
     read = json.loads(notebook)
     cells: list[dict[str, Any]] = []
     for cell in read["cells"]:
-        if cell["cell_type"] == "code":
+        if cell["cell_type"] == "code" or "".join(cell["source"]).startswith("## "):
             anchor = f'<a id="{cell["id"]}"></a>'
             id = f"at-{cell['id']}"
             cells.append({"cell_type": "markdown", "id": id, "metadata": {}, "source": [anchor]})

@@ -111,6 +111,7 @@ def _bury(*_: Any) -> None:
 
 def _run(arguments: list[str], folder: str, environment: dict[str, str]) -> None:
     """Run a kernel in a process group of its own, until it or the forking process ends."""
+    import ipywidgets
     from ipykernel.kernelapp import IPKernelApp
 
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -122,7 +123,11 @@ def _run(arguments: list[str], folder: str, environment: dict[str, str]) -> None
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)
-    IPKernelApp.launch_instance(arguments, parent_handle=os.getppid())
+    application = IPKernelApp.instance(parent_handle=os.getppid())
+    application.initialize(arguments)
+    # The libraries were loaded before there was a kernel at which ipywidgets could register.
+    ipywidgets.register_comm_target(application.kernel)
+    application.start()
     # A normal exit would spend half a second dismantling the libraries.
     atexit._run_exitfuncs()
     os._exit(0)

@@ -18,11 +18,16 @@ from shipnet.results import FORMS, Answer, check_output, encodable, printable
 
 #: Columns of the transactions on the terminal: title, name, width and digits.
 _TRANSACTION = (
-    ("ms", "start_ms", 9, 3), ("", "master_pause_bit", 5, 1), ("pauses", "slave_pause_bit", 6, 1),
-    ("req V", "request_amplitude_V", 7, 2), ("resp V", "response_amplitude_V", 7, 2),
-    ("weakest", "request_weakest", 9, 2), ("", "response_weakest", 5, 2),
-    ("ringing", "request_ringing", 9, 2), ("", "response_ringing", 5, 2),
-)  # fmt: skip
+    ("ms", "start_ms", 9, 3),
+    ("", "master_pause_bit", 5, 1),
+    ("pauses", "slave_pause_bit", 6, 1),
+    ("req V", "request_amplitude_V", 7, 2),
+    ("resp V", "response_amplitude_V", 7, 2),
+    ("weakest", "request_weakest", 9, 2),
+    ("", "response_weakest", 5, 2),
+    ("ringing", "request_ringing", 9, 2),
+    ("", "response_ringing", 5, 2),
+)
 
 #: Maximum number of table rows on the terminal, and length of the record shown in a figure [s].
 _ROWS = 40
@@ -70,12 +75,6 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
     )
 
 
-def _marked(transactions: pd.DataFrame) -> pd.DataFrame:
-    """Return transactions with 0b before their bits, so that no program reads them as decimals."""
-    bits = transactions[["request", "response"]]
-    return transactions.assign(**bits.where(bits == "", "0b" + bits))
-
-
 def _decode(arguments: argparse.Namespace) -> Answer:
     from shipnet.asi.capture import decode
     from shipnet.asi.plan import read_plan
@@ -98,11 +97,8 @@ def _decode(arguments: argparse.Namespace) -> Answer:
     titles = "".join(f"{title:>{width}}" for title, _, width, _ in _TRANSACTION)
     lines = [capture.wave.description, f"{titles}  transaction"]
     for row in shown.to_dict("records"):
-        cells = (
-            f"{'-' if row[name] != row[name] else f'{row[name]:.{digits}f}':>{width}}"
-            for _, name, width, digits in _TRANSACTION
-        )
-        lines.append(f"{''.join(cells)}  {row['text']}")
+        cells = (f"{row[name]:{width}.{digits}f}" for _, name, width, digits in _TRANSACTION)
+        lines.append(f"{''.join(cells).replace('nan', '  -')}  {row['text']}")
     if len(rows) > _ROWS:
         lines.append(f"... and {len(rows) - _ROWS} more")
     lines += ["", str(summary), "", summary.slaves.round(2).to_string(na_rep="-"), ""]
@@ -115,6 +111,8 @@ def _decode(arguments: argparse.Namespace) -> Answer:
     cause, slave = next(iter(zip(causes.index, causes["slave"], strict=True)), ("", ""))
     start = max(0.0, capture.first_sign(cause, slave) - 20e-6)
     counts = {str(name).replace(" ", "_"): (n, "") for name, n in counters["value"].items()}
+    bits = rows[["request", "response"]]
+    marked = bits.where(bits == "", "0b" + bits)  # so that no program reads them as decimals
     return Answer(
         ok=findings.ok,
         verdict=findings.verdict,
@@ -128,7 +126,7 @@ def _decode(arguments: argparse.Namespace) -> Answer:
             **counts,
         },
         tables={
-            "transactions": _marked(rows),
+            "transactions": rows.assign(**marked),
             "slaves": summary.slaves.reset_index(),
             "counters": counters.reset_index(),
             "causes": causes.reset_index(),
@@ -221,8 +219,8 @@ def _modbus(arguments: argparse.Namespace) -> Answer:
 
     names = ("registers", "bit_rate", "dead", "processing", "timeout", "retries", "limit")
     character = {"E": "8E1", "O": "8O1", "N": "8N2"}.get(arguments.character, arguments.character)
-    given = {name: getattr(arguments, name) for name in names}
-    result = scan(arguments.slaves, character=character, **given)
+    options = {name: getattr(arguments, name) for name in names}
+    result = scan(arguments.slaves, character=character, **options)
     numbers = {
         "scan_time": (result.time, "s"),
         "slave_time": (result.slave_time, "s"),
@@ -376,9 +374,9 @@ def _fleet(arguments: argparse.Namespace) -> None:
 
 #: The function of each command in `commands.toml`.
 _COMMANDS = {
-    "ledger": _ledger, "decode": _decode, "check": _check, "can": _can, "modbus": _modbus,
-    "serve": _serve, "fleet": _fleet, "design": _design, "grade": _grade,
-}  # fmt: skip
+    run.__name__[1:]: run
+    for run in (_ledger, _decode, _check, _can, _modbus, _serve, _fleet, _design, _grade)
+}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -404,17 +402,16 @@ def _parser() -> argparse.ArgumentParser:
     grammar = (files("shipnet") / "commands.toml").read_text(encoding="utf-8")
     for name, one in tomllib.loads(grammar).items():
         form = argparse.RawDescriptionHelpFormatter
-        made = commands.add_parser(
-            name, help=one["help"], description=one["text"], formatter_class=form
-        )
+        about = {"help": one["help"], "description": one["text"]}
+        sub = commands.add_parser(name, formatter_class=form, **about)
         forms = (*FORMS, *one["forms"]) if "forms" in one else ()
-        made.set_defaults(run=_COMMANDS[name], output=[], json=False, forms=forms)
+        sub.set_defaults(run=_COMMANDS[name], output=[], json=False, forms=forms)
         if forms:
-            said = f"also write the result to a file ({', '.join(forms)}) or a folder of tables"
-            _option(made, "-o, --output FILE", said, default=[])
-            _option(made, "--json", "print the result as JSON, for programs")
+            help = f"also write the result to a file ({', '.join(forms)}) or a folder of tables"
+            _option(sub, "-o, --output FILE", help, default=[])
+            _option(sub, "--json", "print the result as JSON, for programs")
         for option in one["options"]:
-            _option(made, **option)
+            _option(sub, **option)
     return parser
 
 

@@ -13,7 +13,7 @@ from functools import cache
 from inspect import cleandoc
 from math import inf, isnan
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, dataclass_transform, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar, dataclass_transform
 
 from shipnet.errors import ArgumentError
 
@@ -25,9 +25,6 @@ T = TypeVar("T")
 
 #: One value, or one per tree of a Monte Carlo simulation.
 Quantity: TypeAlias = "float | npt.NDArray[np.float64]"
-
-
-# Checks of one value ---------------------------------------------------------------------------
 
 
 def _legal(low: float, high: float, unit: str) -> str:
@@ -129,16 +126,21 @@ def check_rng(rng: Any) -> np.random.Generator:
         ) from None
 
 
-# Kinds of fields -------------------------------------------------------------------------------
+class Words(NamedTuple):
+    """The text beside a control, and the help on it."""
+
+    label: str
+    help: str
+
+
+#: What explains a field, and the range of its slider.
+Help: TypeAlias = str | Words
+Ends: TypeAlias = tuple[float, float] | None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """Base class of all kinds of fields.
-
-    `help` explains the field, `label` is the text beside its control, and `optional` makes None
-    legal.
-    """
+    """Base class of all kinds of fields; `optional` makes None legal."""
 
     help: str = ""
     label: str = ""
@@ -147,8 +149,8 @@ class Kind:
 
     @property
     def legal(self) -> str:
-        """The legal values in words, without the unit."""
-        raise NotImplementedError
+        """The legal values in words, without the unit; "" if there are too many to name."""
+        return ""
 
     def check(self, name: str, value: Any, record: Any) -> Any:
         """Return the value to be stored, or raise ArgumentError if the given value is illegal."""
@@ -162,10 +164,18 @@ class Kind:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Ranged(Kind):
+class Number(Kind):
+    """A number; `shown` is the range of its slider.
+
+    `missing` makes NaN legal; `many` allows an array with one value per Monte Carlo tree.
+    """
+
     low: float
     high: float
     shown: tuple[float, float]
+    step: float = 1.0
+    missing: bool = False
+    many: bool = False
 
     @property
     def legal(self) -> str:
@@ -176,29 +186,16 @@ class _Ranged(Kind):
         """Raise ArgumentError if the value is outside the range of the slider."""
         check_scalar(name, value, self.unit, *self.shown, "its slider shows")
 
-
-@dataclass(frozen=True, kw_only=True)
-class Number(_Ranged):
-    """A number; `shown` is the range of its slider.
-
-    `missing` makes NaN legal; `many` allows an array with one value per Monte Carlo tree.
-    """
-
-    step: float = 1.0
-    missing: bool = False
-    many: bool = False
-
     def _check(self, name: str, value: Any, record: Any) -> Any:
         if self.many:
             return check_quantity(name, value, self.unit, low=self.low, high=self.high)
-        if self.missing and isinstance(value, Real) and not isinstance(value, Integral):
-            if isnan(value):
-                return float(value)
+        if self.missing and _is_number(value) and not isinstance(value, Integral) and isnan(value):
+            return float(value)
         return check_scalar(name, value, self.unit, self.low, self.high)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Whole(_Ranged):
+class Whole(Number):
     """A whole number, without a slider if `typed`; an earlier field, `at_most`, may limit it."""
 
     low: int
@@ -221,7 +218,7 @@ class Whole(_Ranged):
 
 @dataclass(frozen=True, kw_only=True)
 class Choice(Kind):
-    """One of several strings or whole numbers, each with the text shown for it."""
+    """One of several strings or numbers, each with the text shown for it."""
 
     options: Mapping[Any, str]
     slider: bool = False
@@ -241,8 +238,6 @@ class Choice(Kind):
 class Switch(Kind):
     """Yes or no."""
 
-    legal = "True, False"
-
     def _check(self, name: str, value: Any, record: Any) -> bool:
         if not isinstance(value, bool):
             raise ArgumentError(f"{name} is {value!r}; it must be True or False")
@@ -256,11 +251,6 @@ class Text(Kind):
     most: int = 200
     rows: int = 1
     hint: str = ""
-
-    @property
-    def legal(self) -> str:
-        """The length."""
-        return f"text of up to {self.most} characters"
 
     def _check(self, name: str, value: Any, record: Any) -> str:
         if not isinstance(value, str):
@@ -277,80 +267,56 @@ class Part(Kind):
     of: type
     make: Callable[[Any], Any] | None = None
 
-    @property
-    def legal(self) -> str:
-        """The class."""
-        return f"a {self.of.__name__}"
-
     def _check(self, name: str, value: Any, record: Any) -> Any:
         if self.make is not None and not isinstance(value, self.of):
             return self.make(value)
         return check_kind(name, value, self.of)
 
 
-# Declarations: each function also takes the attributes of its kind, and `default`,
-# `default_factory` and `kw_only` as `dataclasses.field` does.
-
-
-def declare(of: type[Kind], /, **options: Any) -> Any:
-    """Declare a field of any kind."""
-    of_field = {
-        name: options.pop(name)
-        for name in ("default", "default_factory", "kw_only")
-        if name in options
-    }
-    return field(metadata={"kind": of(**options)}, **of_field)
+def _declare(kind: type[Kind], help: Help, **options: Any) -> Any:
+    """Declare a field; `options` are attributes of its kind or arguments of a dataclass field."""
+    names = options.keys() & {"default", "default_factory", "kw_only"}
+    of_field = {name: options.pop(name) for name in names}
+    label, help = help if isinstance(help, Words) else ("", help)
+    return field(metadata={"kind": kind(help=help, label=label, **options)}, **of_field)
 
 
 def number(
-    low: float,
-    high: float,
-    unit: str = "",
-    help: str = "",
-    slider: tuple[float, float] | None = None,
-    **options: Any,
+    low: float, high: float, unit: str = "", help: Help = "", slider: Ends = None, **options: Any
 ) -> Any:
     """Declare a `Number` from `low` to `high`; `slider` is the range of its slider."""
     shown = slider or (low, high)
-    return declare(Number, low=low, high=high, unit=unit, help=help, shown=shown, **options)
+    return _declare(Number, help, low=low, high=high, unit=unit, shown=shown, **options)
 
 
 def whole(
-    low: int,
-    high: int,
-    unit: str = "",
-    help: str = "",
-    slider: tuple[int, int] | None = None,
-    **options: Any,
+    low: int, high: int, unit: str = "", help: Help = "", slider: Ends = None, **options: Any
 ) -> Any:
     """Declare a `Whole` number from `low` to `high`; `slider` is the range of its slider."""
     shown = slider or (low, high)
-    return declare(Whole, low=low, high=high, unit=unit, help=help, shown=shown, **options)
+    return _declare(Whole, help, low=low, high=high, unit=unit, shown=shown, **options)
 
 
-def choice(options: Mapping[Any, str] | Iterable[Any], help: str = "", **others: Any) -> Any:
+def choice(options: Mapping[Any, str] | Iterable[Any], help: Help = "", **others: Any) -> Any:
     """Declare a `Choice` of several values; a mapping gives the text shown for each."""
     if not isinstance(options, Mapping):
         options = {value: str(value) for value in options}
-    return declare(Choice, options=options, help=help, **others)
+    return _declare(Choice, help, options=options, **others)
 
 
-def switch(help: str = "", **options: Any) -> Any:
+def switch(help: Help = "", **options: Any) -> Any:
     """Declare a field that is True or False."""
-    return declare(Switch, help=help, **options)
+    return _declare(Switch, help, **options)
 
 
-def text(help: str = "", **options: Any) -> Any:
+def text(help: Help = "", **options: Any) -> Any:
     """Declare `Text`."""
-    return declare(Text, help=help, **options)
+    return _declare(Text, help, **options)
 
 
-def part(of: type, help: str = "", **options: Any) -> Any:
+def part(of: type, help: Help = "", **options: Any) -> Any:
     """Declare a `Part`: an object of the class `of`."""
-    return declare(Part, of=of, help=help, **options)
-
-
-# Records ---------------------------------------------------------------------------------------
+    return _declare(Part, help, of=of, **options)
 
 
 def declared(kind: type) -> Mapping[str, Kind]:
@@ -372,19 +338,8 @@ def check_fields(made: Any) -> None:
             object.__setattr__(made, name, checked)
 
 
-@overload
-def record(kind: type[T], /) -> type[T]: ...
-
-
-@overload
-def record(
-    *, kw_only: bool = False, slots: bool = False, repr: bool = True, eq: bool = True
-) -> Callable[[type[T]], type[T]]: ...
-
-
 @dataclass_transform(
-    frozen_default=True,
-    field_specifiers=(number, whole, choice, switch, text, part, declare, field),
+    frozen_default=True, field_specifiers=(number, whole, choice, switch, text, part, field)
 )
 def record(kind: type[T] | None = None, /, **options: bool) -> Any:
     """Make a frozen dataclass whose docstring lists its declared fields.

@@ -102,9 +102,9 @@ class Words:
             return column
         # A unit in brackets may be anywhere; a second language may come before or after the first.
         mark = f" {unit}" if unit else ""
-        own_letters = ("".join(c if c.isascii() else " " for c in bare),
-                       "".join(" " if c.isascii() else c for c in bare))  # fmt: skip
-        for split in ((bare,), own_letters, re.split(r"[/|()\[\]]", bare)):
+        ascii_letters = "".join(c if c.isascii() else " " for c in bare)
+        others = "".join(" " if c.isascii() else c for c in bare)
+        for split in ((bare,), (ascii_letters, others), re.split(r"[/|()\[\]]", bare)):
             parts = [part for part in split if plain(part)]
             each = [self._column(part + mark) for part in parts]
             # A part of a title may be unknown only if it has a letter outside ASCII.
@@ -281,32 +281,44 @@ class Cells:
     has_spares: ClassVar[bool] = False  #: Whether rows marked spare or named by a dash are void.
 
     def __init__(
-        self,
-        sheet: Sheet,
-        own: tuple[tuple[str, str], ...] = (),
-        *,
-        is_saved: bool = False,
+        self, sheet: Sheet, own: tuple[tuple[str, str], ...] = (), *, is_saved: bool = False
     ) -> None:
         self.sheet, self.own = sheet, own
         self.source = f"{sheet.source}, sheet {sheet.sheet}" if sheet.sheet else sheet.source
         self.remarks = list(sheet.remarks)
         self.places: dict[str, list[int]] = {}
         self.units: dict[str, str] = {}
+        self.unused: list[str] = []
         self._faults: list[tuple[int, int, str]] = []
         self._typed = set(sheet.typed)
-        self._alone: list[tuple[int, str]] = []
         rows = self._read_titles()
         self._find_columns(rows)
-        rows = self._entries(rows, is_saved)
+        rows, alone = self._entries(rows, is_saved)
         if not rows:
             raise InputError(self.source, f"has no {self.noun}s; expected one per row")
         self.rows = [number for number, _ in rows]
-        self._columns = [list(c) for c in zip_longest(*(row for _, row in rows), fillvalue="")]
-        self._check_width(rows)
-        for number, name in self._alone:
-            row = self.rows.index(number)
-            self.wrong([row], name, "a value; a ditto mark here has none above it")
-        self._find_mark()
+        self._columns = [list(column) for column in zip(*(cells for _, cells in rows), strict=True)]
+        width = len(self.titles)
+        beside = [row for row, (_, cells) in enumerate(rows) if any(cells[width:])]
+        if sheet.separator:
+            # Either the row is shifted, or an unquoted cell contains the separator.
+            for row in beside:
+                last = max(place for place, cell in enumerate(rows[row][1]) if cell)
+                self.fault(row, "", f" has {last + 1} cells; expected {width}")
+        elif beside:
+            numbers = tuple(self.rows[row] for row in beside)
+            self.remarks.append(Remark("not used: cells beside the table", numbers))
+        for number, name in alone:
+            expected = "a value; a ditto mark here has none above it"
+            self.wrong([self.rows.index(number)], name, expected)
+        # In a workbook, only cells of text show the decimal mark.
+        quantities = [
+            zip(self[name], self.typed(name), strict=True)
+            for name in self.places.keys() & self.words.units.keys()
+        ]
+        self._mark = decimal_mark({cell for cell, text in chain(*quantities) if text})
+        if self._mark == ",":
+            self.remarks.append(Remark("numbers have a decimal comma", detail=True))
 
     # What a kind of list decides.
 
@@ -328,6 +340,9 @@ class Cells:
         """Return whether the cells of a row, by column, describe an entry."""
         raise NotImplementedError
 
+    def arrange(self, rows: Sequence[tuple[int, list[str]]]) -> None:
+        """Change the meaning of columns if the rows require it."""
+
     # Titles and rows.
 
     def column_of(self, title: str) -> Column | None:
@@ -338,29 +353,29 @@ class Cells:
         """Find the titles, which may be in two rows; return the rows below them."""
         rows, above = list(self.sheet.rows), list(self.sheet.above)
         self.titles, numbers = list(self.sheet.titles), [self.sheet.top]
-        self._heads = [self.titles]
-        score = self.score(self.own)
+        heads, score = [self.titles], self.score(self.own)
         if above and (both := united(above[-1][1], self.titles, self.column_of, certain=True)):
             if score(both) > score(self.titles):
                 number, upper = above.pop()
                 numbers.insert(0, number)
-                self._heads.append(upper)
+                heads.append(upper)
                 self.titles = both
         if rows and (both := united(self.titles, rows[0][1], self.column_of)):
             number, lower = rows.pop(0)
             numbers.append(number)
-            self._heads.append(lower)
+            heads.append(lower)
             self.titles = both
+        self._heads = [set(filter(None, titles)) for titles in heads]
         if len(numbers) > 1:
-            count = {2: "two", 3: "three"}[len(numbers)]
-            self.remarks.append(Remark(f"titles in {count} rows", tuple(numbers), detail=True))
+            statement = f"titles in {'two' if len(numbers) == 2 else 'three'} rows"
+            self.remarks.append(Remark(statement, tuple(numbers), detail=True))
         if above:
             numbers = [number for number, _ in above]
             self.remarks.append(Remark("left out, above the titles", tuple(numbers), detail=True))
         return rows
 
     def _find_columns(self, rows: Sequence[tuple[int, list[str]]]) -> None:
-        unused, faults, converted = [], [], []
+        faults, converted = [], []
         for place, title in enumerate(self.titles):
             column = self.column_of(title)
             if column is not None:
@@ -374,10 +389,9 @@ class Cells:
                     if column.unit and ALIKE[usual][column.unit] != ALIKE[usual][usual]:
                         converted.append(f"{title} from {spelled(column.unit)} to {spelled(usual)}")
             elif title:
-                unused.append(title)
+                self.unused.append(title)
             elif any(row[place] for _, row in rows if place < len(row)):
-                unused.append(f"column {letter(place)}, which has no title")
-        self.unused = unused
+                self.unused.append(f"column {letter(place)}, which has no title")
         self.arrange(rows)
         faults += [
             f"{' and '.join(repr(self.titles[place]) for place in places)} both mean {name}"
@@ -389,47 +403,50 @@ class Cells:
         if faults:
             faults = [f"row {self.sheet.top}: {fault}" for fault in faults]
             hint = f"unknown titles: {used}; {self.hint}"
-            raise InputError(self.source, *faults, *([hint] * bool(used)))
+            raise InputError(self.source, *faults, *([hint] if used else []))
         if used:
             self.remarks.append(Remark(f"not used: {used}"))
         if converted:
             self.remarks.append(Remark(f"converted: {'; '.join(converted)}", detail=True))
 
-    def arrange(self, rows: Sequence[tuple[int, list[str]]]) -> None:
-        """Change the meaning of columns if the rows require it."""
-
     def _entries(
-        self, rows: Iterable[tuple[int, list[str]]], is_saved: bool
-    ) -> list[tuple[int, list[str]]]:
-        """Return the rows that are entries, and add remarks on rows left out, hidden or struck."""
-        rows = list(rows)
-        listed, left = list[tuple[int, list[str], str]](), dict[str, list[int]]()
-        heads = [{cell for cell in titles if cell} for titles in self._heads]
-        # Few rows contain a title or a mark such as `void`; compare only these with the titles.
+        self, rows: list[tuple[int, list[str]]], is_saved: bool
+    ) -> tuple[list[tuple[int, list[str]]], list[tuple[int, str]]]:
+        """Return the rows that are entries, and the cells whose ditto mark repeats nothing.
+
+        Remarks are added on rows left out, hidden or struck out, and on cells filled in.
+        """
+        width = max([len(self.titles), *(len(cells) for _, cells in rows)])
+        for _, cells in rows:
+            cells += [""] * (width - len(cells))
+        # Few rows contain a mark such as `void`; each distinct cell is compared once.
         words = set(chain.from_iterable(cells for _, cells in rows))
-        marked = set(filter(_MARKED.fullmatch, words)) if self.has_spares else set()
-        suspect = marked.union(*heads)
+        self._marked = set(filter(_MARKED.fullmatch, words)) if self.has_spares else set()
         self._gone = set(filter(_GONE_NOTE.fullmatch, words))
         self._dittos = set() if is_saved else set(filter(is_ditto, words))
         struck = {number for number, _ in self.sheet.struck}
-        text = f"not {'an' if self.noun[0] in 'aeiou' else 'a'} {self.noun}: {_TEXT}"
+        listed, left = list[tuple[int, list[str], str]](), dict[str, list[int]]()
         for number, cells in rows:
-            near = () if suspect.isdisjoint(cells) else heads
-            why = self._no_entry(number, cells, near, not marked.isdisjoint(cells), struck)
+            why = self._no_entry(number, cells, number in struck)
             if why:
-                left.setdefault(text if why == _TEXT else why, []).append(number)
+                left.setdefault(why, []).append(number)
             if why not in (_TEXT, _REPEATED):
                 listed.append((number, cells, why))
         for why, numbers in left.items():
-            doubt = why not in (_REPEATED, text)
-            self.remarks.append(Remark(f"left out, {why}", tuple(numbers), doubt=doubt))
-        self._fill_dittos(listed)
+            article = "an" if self.noun[0] in "aeiou" else "a"
+            shown = f"not {article} {self.noun}: {_TEXT}" if why == _TEXT else why
+            doubt = why not in (_REPEATED, _TEXT)
+            self.remarks.append(Remark(f"left out, {shown}", tuple(numbers), doubt=doubt))
+        alone = self._fill_dittos(listed)
         for name in () if is_saved else self.grouped:
             self._fill_down(name, listed)
         entries = [(number, cells) for number, cells, why in listed if not why]
-        gone = {number for number, cells in entries
-                for place in self.places.get("note", ()) if place < len(cells)
-                and _GONE_WORD.search(cells[place])}  # fmt: skip
+        notes = self.places.get("note", ())
+        gone = {
+            number
+            for number, cells in entries
+            if any(_GONE_WORD.search(cells[place]) for place in notes)
+        }
         for statement, rows_of in (
             ("hidden, but read", self.sheet.hidden),
             ("read, although a cell is struck out", struck),
@@ -439,37 +456,28 @@ class Cells:
             if both := tuple(number for number, _ in entries if number in rows_of):
                 doubt = rows_of is not self.sheet.merged
                 self.remarks.append(Remark(statement, both, doubt=doubt, detail=not doubt))
-        return entries
+        return entries, alone
 
-    def _no_entry(
-        self,
-        number: int,
-        cells: list[str],
-        heads: Sequence[set[str]],
-        is_marked: bool,
-        struck: set[int],
-    ) -> str:
+    def _no_entry(self, number: int, cells: list[str], is_struck: bool) -> str:
         """Return why a row is not an entry, or "" if it is one."""
-        for head in heads:
-            if not head.isdisjoint(cells):
-                same = sum(" ".join(cell.split()) in head for cell in cells if cell)
-                if same > 1 and 2 * same >= sum(map(bool, cells)):
-                    return _REPEATED
-        key_place = self.places.get(self.key, [-1])[0]
-        if number in struck:
-            first = next((place for place, cell in enumerate(cells) if cell), 0)
-            if not self.sheet.struck.isdisjoint({(number, key_place), (number, first)}):
-                return "struck out"
 
         def cell(name: str) -> str:
-            place = self.places.get(name, [len(cells)])[0]
-            return cells[place] if place < len(cells) else ""
+            return cells[self.places[name][0]] if name in self.places else ""
 
-        key = clean(cell(self.key))
-        notes = (cells[place] for place in self.places.get("note", ()) if place < len(cells))
+        for head in self._heads:
+            if not head.isdisjoint(cells):
+                same = sum(" ".join(one.split()) in head for one in cells if one)
+                if same > 1 and 2 * same >= sum(map(bool, cells)):
+                    return _REPEATED
+        key, key_place = clean(cell(self.key)), self.places.get(self.key, [-1])[0]
+        if is_struck:
+            first = next((place for place, one in enumerate(cells) if one), 0)
+            if not self.sheet.struck.isdisjoint({(number, key_place), (number, first)}):
+                return "struck out"
+        is_marked = not self._marked.isdisjoint(cells)
         if is_marked or (self.has_spares and _MARKED_KEY.fullmatch(key)):
             return "marked as deleted or spare"
-        if any(note in self._gone for note in notes):
+        if any(cells[place] in self._gone for place in self.places.get("note", ())):
             return "deleted or not fitted, as a note says"
         is_odd = (number, key_place) in self.sheet.odd
         if self.has_spares and key and not (plain(key) or is_odd or is_ditto(key)):
@@ -482,56 +490,43 @@ class Cells:
         # A row with only a name may be an entry whose other cells were forgotten.
         return "" if re.search(r"[0-9]", key) and not re.search(r"\s", key) else _TEXT
 
-    def _check_width(self, rows: Sequence[tuple[int, list[str]]]) -> None:
-        width = len(self.titles)
-        beside = [row for row, (_, cells) in enumerate(rows) if any(cells[width:])]
-        if self.sheet.separator:
-            # Either the row is shifted, or an unquoted cell contains the separator.
-            for row in beside:
-                self.fault(row, "", f" has {len(rows[row][1])} cells; expected {width}")
-        elif beside:
-            numbers = tuple(self.rows[row] for row in beside)
-            self.remarks.append(Remark("not used: cells beside the table", numbers))
-
-    def _fill_dittos(self, rows: Iterable[tuple[int, list[str], str]]) -> None:
-        """Replace ditto marks by the cell of the row above, which may itself be left out."""
-        filled: dict[int, list[int]] = {}
+    def _fill_dittos(self, rows: Iterable[tuple[int, list[str], str]]) -> list[tuple[int, str]]:
+        """Replace ditto marks by the cell of the row above; return those with none above."""
+        filled, alone = dict[int, list[int]](), list[tuple[int, str]]()
         last, above = 0, list[str]()
         for number, cells, why in rows:
-            for name, places in self.places.items():
-                for place in places if not self._dittos.isdisjoint(cells) else ():
-                    cell = cells[place] if place < len(cells) else ""
-                    is_word = name == self.key or (name in self.literal and plain(cell) == "do")
-                    if cell not in self._dittos or is_word:
-                        continue
-                    cells[place] = above[place] if place < len(above) else ""
-                    if (last, place) in self._typed:
-                        self._typed.add((number, place))
-                    if not why and cells[place]:
-                        filled.setdefault(place, []).append(number)
-                    elif not why and name != "note":
-                        self._alone.append((number, name))
+            places = () if self._dittos.isdisjoint(cells) else self.places.items()
+            for name, place in ((name, place) for name, several in places for place in several):
+                is_word = name == self.key or (name in self.literal and plain(cells[place]) == "do")
+                if cells[place] not in self._dittos or is_word:
+                    continue
+                cells[place] = above[place] if above else ""
+                if (last, place) in self._typed:
+                    self._typed.add((number, place))
+                if not why and cells[place]:
+                    filled.setdefault(place, []).append(number)
+                elif not why and name != "note":
+                    alone.append((number, name))
             last, above = number, cells
         for place, numbers in filled.items():
             statement = f"{self.titles[place]}: ditto marks filled from the row above"
             self.remarks.append(Remark(statement, tuple(numbers)))
+        return alone
 
     def _fill_down(self, name: str, rows: Sequence[tuple[int, list[str], str]]) -> None:
         """Fill a column that has values only in the first row of each group."""
-        place = self.places.get(name, [-1])[0]
-        column = [cells[place] if 0 <= place < len(cells) else "" for _, cells, _ in rows]
-        kept = [cell for cell, (_, _, why) in zip(column, rows, strict=True) if not why]
-        twice = any(a and a == b for a, b in pairwise(kept))
-        if not any(kept) or all(kept) or not column[0] or twice:
+        if name not in self.places or not rows:
             return
-        last, filled = "", []
-        for number, cells, why in rows:
-            cells += [""] * (place + 1 - len(cells))
-            if not cells[place] and not why:
-                filled.append(number)
-            last = cells[place] = cells[place] or last
+        place = self.places[name][0]
+        kept = [cells[place] for _, cells, why in rows if not why]
+        twice = any(a and a == b for a, b in pairwise(kept))
+        if not any(kept) or all(kept) or not rows[0][1][place] or twice:
+            return
+        filled = tuple(number for number, cells, why in rows if not cells[place] and not why)
+        for (_, above, _), (_, cells, _) in pairwise(rows):
+            cells[place] = cells[place] or above[place]
         statement = f"{name} filled down from the row above, because it is given once per group"
-        self.remarks.append(Remark(statement, tuple(filled), doubt=True))
+        self.remarks.append(Remark(statement, filled, doubt=True))
 
     # Columns, remarks and faults.
 
@@ -542,7 +537,7 @@ class Cells:
 
     def column(self, place: int) -> list[str]:
         """Return the cells of a column by its index."""
-        return self._columns[place] if place < len(self._columns) else [""] * len(self.rows)
+        return self._columns[place]
 
     def given(self, name: str) -> Bools:
         """Return a mask of the filled cells of a column."""
@@ -583,9 +578,9 @@ class Cells:
     def check(self, *more: str, strict: bool = False) -> None:
         """Raise InputError with all faults and `more`; with `strict`, doubts are faults too."""
         faults = [*(text for _, _, text in sorted(self._faults)), *more]
-        if strict:
-            faults += [f"row {n}: {one.what}" for one in self.remarks if one.doubt
-                       for n in one.rows]  # fmt: skip
+        for one in self.remarks:
+            if strict and one.doubt:
+                faults += [f"row {number}: {one.what}" for number in one.rows]
         if faults:
             raise InputError(self.source, *faults)
 
@@ -614,16 +609,6 @@ class Cells:
 
     # Numbers.
 
-    def _find_mark(self) -> None:
-        """Find the decimal mark of the list; in a workbook, only cells of text show it."""
-        cells = set()
-        for name in self.places.keys() & self.words.units.keys():
-            texts = self.typed(name)
-            cells |= {cell for cell, text in zip(self[name], texts, strict=True) if text}
-        self._mark = decimal_mark(cells)
-        if self._mark == ",":
-            self.remarks.append(Remark("numbers have a decimal comma", detail=True))
-
     def typed(self, name: str) -> list[bool]:
         """Return for each cell of a column whether it is text, not a number of a workbook."""
         if self.sheet.separator or not self._typed:
@@ -639,9 +624,15 @@ class Cells:
         return read_number(cell, mark, unit, target)
 
     def numbers(
-        self, name: str, low: float, high: float, target: str = "", *,
-        positive: bool = False, whole: bool = False,
-    ) -> Floats:  # fmt: skip
+        self,
+        name: str,
+        low: float,
+        high: float,
+        target: str = "",
+        *,
+        positive: bool = False,
+        whole: bool = False,
+    ) -> Floats:
         """Return the numbers of a column, by default in its usual unit, NaN where it is empty.
 
         Numbers that are illegible or outside low..high become faults; with `positive`, so does 0.

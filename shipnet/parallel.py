@@ -35,7 +35,14 @@ def spread(
     """
     tasks = list(tasks)
     report = teller(progress)
-    arriving = iter(_mapped(function, tasks, workers))
+    if callable(workers):
+        arriving = iter(workers(function, tasks))
+    else:
+        if workers != -1:
+            legal = ", or a callable like map; -1 means one process per core"
+            workers = check_whole("workers", workers, 1, 1024, legal)
+        here = workers == 1
+        arriving = map(function, tasks) if here else _in_processes(function, tasks, workers)
     results = []
     for number, task in enumerate(tasks):
         try:
@@ -45,17 +52,6 @@ def spread(
             raise
         report(len(results), len(tasks))
     return results
-
-
-def _mapped(
-    function: Callable[[Any], Any], tasks: Sequence[Any], workers: Workers
-) -> Iterable[Any]:
-    if callable(workers):
-        return workers(function, tasks)
-    legal = ", or a callable like map; -1 means one process per core"
-    if workers != -1:
-        workers = check_whole("workers", workers, 1, 1024, legal)
-    return map(function, tasks) if workers == 1 else _in_processes(function, tasks, workers)
 
 
 def _in_processes(
@@ -91,12 +87,8 @@ def teller(progress: bool | Progress | None) -> Progress:
 
     def tell(done: int, total: int) -> None:
         if drawn and perf_counter() - start > _PATIENCE:
-            _bar(done, total)
+            bar = f"[{'#' * (30 * done // total):<30}]"
+            end = "\n" if done == total else ""
+            print(f"\r{bar} {done}/{total}", end=end, file=sys.stderr, flush=True)
 
     return tell
-
-
-def _bar(done: int, total: int, *, width: int = 30) -> None:
-    full = width * done // total
-    end = "\n" if done == total else ""
-    print(f"\r[{'#' * full:<{width}}] {done}/{total}", end=end, file=sys.stderr, flush=True)

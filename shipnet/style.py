@@ -74,9 +74,8 @@ def size(names: int) -> tuple[float, float]:
 def limit(ax: Axes, level: float, name: str) -> None:
     """Draw a limit as a horizontal line with its name to the right of the axes."""
     ax.axhline(level, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
-    ax.text(
-        1.01, level, name, transform=ax.get_yaxis_transform(), color=LIMIT["color"], va="center",
-    )  # fmt: skip
+    beside = ax.get_yaxis_transform()
+    ax.text(1.01, level, name, transform=beside, color=LIMIT["color"], va="center")
 
 
 def legend(ax: Axes, columns: int = 4, **options: Any) -> None:

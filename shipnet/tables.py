@@ -46,6 +46,13 @@ _BLANK = ' ,;\t"\r\n'
 #: Number of rows that are searched for the row of titles.
 _TOP = 50
 
+_CAPTURE = (
+    "is a sigrok capture, not a table; read it with can.read_capture, asi.decode or "
+    "remote_control.read_capture"
+)
+
+_SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+
 
 @dataclass(frozen=True, slots=True)
 class Remark:
@@ -208,19 +215,16 @@ def parse_sheet(
     if "\0" in text:
         raise InputError(source, "is not text: it contains zero bytes; expected a CSV file")
     lines = list(StringIO(text, newline=""))
-    found = _top(lines, is_titles)
-    if found is None:
+    worth, above, separator = _top(lines, is_titles)
+    if not worth:
         empty = not text.strip(_BLANK)
         raise InputError(source, f"{'is empty; expected a' if empty else 'has no'} row of {what}")
-    above, separator = found
     # A row has several lines if a cell contains line breaks.
     first = [list(map(cell_text, r)) for r in csv.reader(lines[:above], delimiter=separator)]
-    before = len(first)
-    reader = csv.reader(lines[above:], delimiter=separator, strict=True)
-    rows = []
-    number = before
+    rows, number = [], len(first)
     try:
-        for number, row in enumerate(reader, before + 1):
+        reader = csv.reader(lines[above:], delimiter=separator, strict=True)
+        for number, row in enumerate(reader, len(first) + 1):
             cells = list(map(cell_text, row))
             if any(cells):
                 rows.append((number, cells))
@@ -233,9 +237,9 @@ def parse_sheet(
 
 def _top(
     lines: Sequence[str], is_titles: Callable[[Sequence[str]], float]
-) -> tuple[int, str] | None:
-    """Return the index of the line most likely to contain the column titles, and its separator."""
-    best: tuple[float, tuple[int, str] | None] = (0, None)
+) -> tuple[float, int, str]:
+    """Return how likely the best line contains the column titles, its index and its separator."""
+    best = (0.0, 0, "")
     for place, line in enumerate(lines[:_TOP]):
         # The first line may name the separator.
         if not line.strip(_BLANK) or (place == 0 and re.fullmatch(r"sep=.\s*", line)):
@@ -246,9 +250,8 @@ def _top(
             except csv.Error:
                 continue
             worth = float(is_titles(list(map(cell_text, cells))))
-            if worth > best[0]:
-                best = worth, (place, separator)
-    return best[1]
+            best = max(best, (worth, place, separator), key=itemgetter(0))
+    return best
 
 
 def _trim(titles: Sequence[str]) -> tuple[str, ...]:
@@ -278,12 +281,9 @@ def read_sheet(
     if sheet is not None:
         raise InputError(source, f"has no sheet {sheet!r}; expected an Excel workbook (.xlsx)")
     text, encoding = _decoded(data)
-    found = parse_sheet(text, source, is_titles=is_titles, what=what)
-    said = f"read as {encoding}, with {_SEPARATORS[found.separator]} between the cells"
-    return replace(found, remarks=(Remark(said, detail=encoding == "utf-8"),))
-
-
-_SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+    parsed = parse_sheet(text, source, is_titles=is_titles, what=what)
+    remark = f"read as {encoding}, with {_SEPARATORS[parsed.separator]} between the cells"
+    return replace(parsed, remarks=(Remark(remark, detail=encoding == "utf-8"),))
 
 
 def read_sheets(
@@ -308,18 +308,21 @@ def _workbook(
     with _opened(data, source) as book:
         if name is not None and name not in book.sheets:
             raise InputError(source, f"has no sheet {name!r}; it has {', '.join(book.sheets)}")
+        if name is not None:
+            worth, top = _best_row(book, name, is_titles)
+            if not worth:
+                raise InputError(source, f"has no row of {what}, on the sheet {name}")
+            return _table(source, book, name, top).also_read([])
         shown = [title for title in book.sheets if title not in book.hidden]
-        worths = {title: _best_row(book, title, is_titles)
-                  for title in (shown if name is None else [name])}  # fmt: skip
+        worths = {title: _best_row(book, title, is_titles) for title in shown}
         chosen = max(worths, key=lambda title: worths[title][0], default="")
         if chosen and worths[chosen][0]:
-            found = _table(source, book, chosen, worths[chosen][1])
-            rest = [title for title in book.sheets if title != chosen and name is None]
-            return replace(found, unread=tuple(rest)).also_read([])
-    where = f"the sheets {', '.join(shown)}" if name is None else f"the sheet {name}"
-    more = (f"; hidden sheets, which are read only if named: {', '.join(book.hidden)}"
-            if name is None and book.hidden else "")  # fmt: skip
-    raise InputError(source, f"has no row of {what}, on {where}{more}")
+            others = tuple(title for title in book.sheets if title != chosen)
+            table = _table(source, book, chosen, worths[chosen][1])
+            return replace(table, unread=others).also_read([])
+        hidden = f"; hidden sheets, which are read only if named: {', '.join(book.hidden)}"
+        where = f"the sheets {', '.join(shown)}{hidden if book.hidden else ''}"
+        raise InputError(source, f"has no row of {what}, on {where}")
 
 
 def _best_row(
@@ -336,10 +339,8 @@ def _best_row(
 
 def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
     """Return a sheet of a workbook, given the number of its row of titles."""
-    rows: list[tuple[int, list[str]]] = []
-    odd: dict[tuple[int, int], str] = {}
-    titles: list[str] = []
-    above: list[tuple[int, list[str]]] = []
+    rows, above = list[tuple[int, list[str]]](), list[tuple[int, list[str]]]()
+    odd, titles = dict[tuple[int, int], str](), list[str]()
     merged, hidden, unsaved = book.layout(title)
     for number, cells, own in book.rows(title):
         for place in unsaved.get(number, ()):
@@ -353,38 +354,35 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
         elif any(cells):
             rows.append((number, cells))
             odd |= {(number, place): what for place, what in own.items()}
-    filled = _fill_down(rows, odd, book.typed, [area for area in merged if area[0] > top])
-    return Sheet(
-        source, top, _trim(titles), rows, "", odd, sheet=title,
-        hidden=hidden.intersection(number for number, _ in rows),
-        struck=frozenset(book.struck), typed=frozenset(book.typed), merged=frozenset(filled),
-        above=above,
-    )  # fmt: skip
-
-
-def _fill_down(
-    rows: Sequence[tuple[int, list[str]]],
-    odd: dict[tuple[int, int], str],
-    typed: set[tuple[int, int]],
-    merged: Sequence[tuple[int, int, int]],
-) -> set[int]:
-    """Copy the content of merged cells to each of their rows; return the rows filled."""
     numbers, filled = [number for number, _ in rows], set()
-    for top, bottom, left in merged:
-        first, end = bisect_left(numbers, top), bisect_right(numbers, bottom)
-        own = rows[first : min(first + 1, end)]
-        if not own or own[0][0] != top or len(own[0][1]) <= left:
+    for upper, bottom, left in merged:
+        # Copy the content of the merged cell to each of its rows.
+        first, end = bisect_left(numbers, upper), bisect_right(numbers, bottom)
+        if upper <= top or upper not in numbers[first:end] or len(rows[first][1]) <= left:
             continue
         for number, cells in rows[first + 1 : end]:
             cells += [""] * (left + 1 - len(cells))
-            cells[left] = own[0][1][left]
+            cells[left] = rows[first][1][left]
             if cells[left]:
                 filled.add(number)
-            if (top, left) in odd:
-                odd[number, left] = odd[top, left]
-            if (top, left) in typed:
-                typed.add((number, left))
-    return filled
+            if (upper, left) in odd:
+                odd[number, left] = odd[upper, left]
+            if (upper, left) in book.typed:
+                book.typed.add((number, left))
+    return Sheet(
+        source,
+        top,
+        _trim(titles),
+        rows,
+        separator="",
+        odd=odd,
+        sheet=title,
+        hidden=hidden.intersection(numbers),
+        struck=frozenset(book.struck),
+        typed=frozenset(book.typed),
+        merged=frozenset(filled),
+        above=above,
+    )
 
 
 class _Workbook:
@@ -476,13 +474,11 @@ class _Workbook:
 def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
     """Open a workbook; raise any fault in it as an InputError."""
     try:
-        import openpyxl
-    except ImportError:
-        raise InputError(
-            source, "is an Excel workbook; install openpyxl to read it, or save it as CSV"
-        ) from None
-    try:
         with ZipFile(BytesIO(data)) as archive, warnings.catch_warnings():
+            if "metadata" in archive.namelist():
+                raise InputError(source, _CAPTURE)
+            import openpyxl
+
             warnings.simplefilter("ignore")  # openpyxl warns about ignored parts, such as pictures
             _check_parts(archive)
             book = openpyxl.load_workbook(BytesIO(data), read_only=True, data_only=True)
@@ -492,9 +488,12 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
                 book.close()
     except InputError:
         raise
+    except ImportError:
+        missing = "is an Excel workbook; install openpyxl to read it, or save it as CSV"
+        raise InputError(source, missing) from None
     except Exception as error:  # openpyxl may raise any exception for a malformed file
-        said = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(source, f"is not an Excel workbook: {said[:200]}") from None
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(source, f"is not an Excel workbook: {reason[:200]}") from None
 
 
 def _check_parts(archive: ZipFile) -> None:
@@ -698,9 +697,8 @@ def _as_number(cell: object) -> object:
 
 def _values(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table of objects, None where missing; a tuple is joined into one string."""
-    return table.map(_joined).astype(object).where(table.notna(), None)
 
+    def joined(cell: object) -> object:
+        return "; ".join(map(str, cell)) if isinstance(cell, tuple) else cell
 
-def _joined(cell: object) -> object:
-    """Return a cell; a tuple of names is joined into one string."""
-    return "; ".join(map(str, cell)) if isinstance(cell, tuple) else cell
+    return table.map(joined).astype(object).where(table.notna(), None)

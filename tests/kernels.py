@@ -27,15 +27,15 @@ def receivers(draw, rows=None):
     samples, half_bit = draw(st.integers(1, 200)), draw(st.sampled_from([3.0, 12.0, 17.647]))
     taps = draw(st.sampled_from([np.ones(1), _pulse_shape(3e-6 / half_bit)]))
     settings = (
-        taps, half_bit, draw(st.sampled_from([7, 14])), draw(st.floats(0.01, 0.99)),
+        half_bit, draw(st.sampled_from([7, 14])), draw(st.floats(0.01, 0.99)),
         draw(st.sampled_from([1e-9, 0.45, 3.0])), draw(st.integers(0, int(half_bit / 2))),
         int(1.25 * half_bit) + 1, 1 + 1e-9,
     )  # fmt: skip
     if rows is None:
         u = draw(voltages(samples))
-        return u - u.mean(), *settings
+        return u - u.mean(), taps, settings
     u = draw(voltages(draw(rows), samples))
-    return u, u.mean(axis=1), *settings
+    return u, u.mean(axis=1), taps, settings
 
 
 _SIGNS = st.integers(-1, 1)

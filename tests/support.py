@@ -57,13 +57,11 @@ def two_workers() -> Iterator[object]:
     """Yield the client of a Dask cluster of two processes, on ports that are free."""
     from distributed import Client, LocalCluster
 
+    free = {"dashboard_address": "127.0.0.1:0", "silence_logs": 50}
     with (
-        LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
-            silence_logs=50,
-        ) as workers,
+        LocalCluster(n_workers=2, threads_per_worker=1, processes=True, **free) as workers,
         Client(workers) as client,
-    ):  # fmt: skip
+    ):
         client.wait_for_workers(2, timeout=60)
         yield client
         # One that was killed comes back before the cluster closes.

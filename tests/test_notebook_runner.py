@@ -1,20 +1,15 @@
 """docs/notebooks.py on notebooks of a few cells."""
 
 import os
-from base64 import b64decode, b64encode
-from io import BytesIO
 from pathlib import Path
 
 import nbformat
-import numpy as np
 import pytest
 from jupyter_client.launcher import launch_kernel
 from jupyter_client.provisioning import local_provisioner
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
-from PIL import Image
 
 from docs import notebooks
-from shipnet import style
 
 ROOT = Path(__file__).resolve().parents[1]
 TITLE = new_markdown_cell("# A title", id="title")
@@ -44,10 +39,6 @@ def write(root: Path, name: str, *cells) -> Path:
     return path
 
 
-def test_run_without_notebooks(tmp_path):
-    assert notebooks.main(["run"], tmp_path) == 0
-
-
 def test_run_executes_only_what_is_stale(tmp_path, capsys):
     module = tmp_path / "shipnet" / "signal.py"
     module.parent.mkdir()
@@ -59,11 +50,6 @@ def test_run_executes_only_what_is_stale(tmp_path, capsys):
     assert "[1/1]" in capsys.readouterr().out
     assert nbformat.read(copy, 4).cells[1].outputs[0].data["text/plain"] == "'deep'"
 
-    assert notebooks.main(["run"], tmp_path) == 0
-    assert "[1/1]" not in capsys.readouterr().out
-
-    (module.parent / "__pycache__").mkdir()
-    (module.parent / "__pycache__" / "signal.pyc").write_text("")
     assert notebooks.main(["run"], tmp_path) == 0
     assert "[1/1]" not in capsys.readouterr().out
 
@@ -87,20 +73,6 @@ def test_a_fork_shows_what_a_kernel_of_its_own_does(tmp_path, monkeypatch):
     for cells in forks:
         assert cells[0].outputs[0].text == "['pandas', 'scipy.stats']\n"
         assert cells[1] == own[1]
-
-
-def test_stored_outputs_are_taken_without_executing_and_executed_later(tmp_path, capsys):
-    path = write(tmp_path, "a.ipynb", code("1 + 1", "a"))
-    copy = tmp_path / "build" / "notebooks" / "a.ipynb"
-    assert notebooks.run(tmp_path, stored=True) == 0
-    assert "to execute: 0" in capsys.readouterr().out
-    assert copy.read_bytes() == path.read_bytes()
-    assert notebooks.run(tmp_path) == 0
-    assert "to execute: 1" in capsys.readouterr().out
-    assert nbformat.read(copy, 4).cells[1].outputs
-    # What was executed stays.
-    assert notebooks.run(tmp_path, stored=True) == 0
-    assert nbformat.read(copy, 4).cells[1].outputs
 
 
 def test_a_failure_names_the_cell_and_stops_no_other_notebook(tmp_path, capsys):
@@ -164,27 +136,6 @@ def test_stored_form(tmp_path):
     assert last.execution_count == 3
 
 
-def test_stderr_is_not_stored(tmp_path, monkeypatch, capsys):
-    cell = code("", "a")
-    path = write(tmp_path, "a.ipynb", cell)
-    before = path.read_bytes()
-    cell.outputs = [new_output("stream", name="stderr", text="careful\n")]
-    text = notebooks.stable(new_notebook(cells=[TITLE, cell]))
-    done = notebooks.Executed(path, seconds=0.0, text=text)
-    monkeypatch.setattr(notebooks, "execute_all", lambda root, paths: iter([done]))
-    assert notebooks.main(["store", "--accept"], tmp_path) == 1
-    assert "notebooks/a.ipynb cell 2: writes to stderr" in capsys.readouterr().out
-    assert path.read_bytes() == before
-
-
-def test_streams_merge_only_with_their_own_kind():
-    cell = code("", "a")
-    parts = [("stdout", "1"), ("stdout", "2"), ("stderr", "3"), ("stdout", "4")]
-    cell.outputs = [new_output("stream", name=name, text=text) for name, text in parts]
-    stored = nbformat.reads(notebooks.stable(new_notebook(cells=[cell])), 4)
-    assert [output.text for output in stored.cells[0].outputs] == ["12", "3", "4"]
-
-
 @pytest.mark.parametrize(
     ("old", "new", "change"),
     [
@@ -204,66 +155,6 @@ def test_changes_of_text(old, new, change):
     assert [what for _, what in notebooks.changes(notebook(old), notebook(new))] == change
 
 
-def test_changes_of_a_figure():
-    def notebook(image):
-        cell = code("", "a")
-        data = {"image/png": image, "text/plain": "<Figure>"}
-        cell.outputs = [new_output("display_data", data=data)]
-        return new_notebook(cells=[cell])
-
-    assert list(notebooks.changes(notebook("old"), notebook("new"))) == [(1, "figure changed")]
-
-
-FIGURE = """import matplotlib.pyplot as plt
-from shipnet import style
-style.use()
-plt.imshow([[1, 2], [3, 4]], cmap="viridis", interpolation="bicubic")
-plt.show()
-"""
-
-
-def test_a_figure_is_stored_with_twice_its_dots_and_few_colours(tmp_path):
-    path = write(tmp_path, "a.ipynb", code(FIGURE, "a"))
-    one, again = (notebooks.execute(path).text for _ in range(2))
-    assert one == again
-    output = nbformat.reads(one, 4).cells[1].outputs[0]
-    image = Image.open(BytesIO(b64decode(output.data["image/png"])))
-    shown = output.metadata["image/png"]
-    assert (image.width // 2, image.height // 2) == (shown["width"], shown["height"])
-    assert shown["height"] > 250
-    assert image.mode == "P"
-
-
-def reduced(drawn):
-    file = BytesIO()
-    Image.fromarray(drawn).save(file, "png")
-    small = notebooks.small(b64encode(file.getvalue()).decode())
-    return np.asarray(Image.open(BytesIO(b64decode(small))).convert("RGB"), int)
-
-
-def test_few_colours_look_the_same():
-    rng = np.random.default_rng(1)
-    drawn = rng.choice([0, 114, 255], (40, 60, 3)).astype(np.uint8)
-    drawn[:, :30] = np.linspace(0, 255, 40, dtype=np.uint8)[:, None, None]
-    drawn[:3] = 255
-    assert np.abs(reduced(drawn) - drawn).max() <= 16
-
-
-def test_pale_areas_differ_from_the_page():
-    drawn = np.full((40, 60, 3), 255, np.uint8)
-    drawn[10:30, 10:50] = 242
-    assert np.abs(reduced(drawn) - drawn).max() <= 1
-
-
-@pytest.mark.parametrize(("shell", "asked"), [(None, []), (object(), ["retina"])])
-def test_only_in_a_shell_is_a_sharp_figure_asked_for(shell, asked, monkeypatch):
-    formats = []
-    monkeypatch.setattr("IPython.get_ipython", lambda: shell)
-    monkeypatch.setattr("matplotlib_inline.backend_inline.set_matplotlib_formats", formats.append)
-    style.use()
-    assert formats == asked
-
-
 def stems(*files):
     return {path.stem for path in notebooks.affected(ROOT, files)}
 
@@ -275,14 +166,4 @@ def test_a_file_affects_the_notebooks_that_import_it_and_no_others():
     assert stems("shipnet/tools/page.css") > {"asi_line", "can_load"}
     assert stems("notebooks/lessons/05_can.ipynb") == {"05_can"}
     assert stems("docs/build.py") == stems() == set()
-
-
-def test_data_affect_the_notebooks_whose_modules_read_them():
     assert {"1_telegrams", "2_diagnosis", "00_start_here"} <= stems("data/claims.csv")
-    assert "can_load" not in stems("data/claims.csv")
-    # Read by the part of the name that follows the paper's key.
-    assert "1_telegrams" in stems("data/kim2023_table_differences.csv")
-
-
-def test_every_notebook_is_affected_by_what_all_import():
-    assert len(notebooks.affected(ROOT, ["shipnet/errors.py"])) == len(notebooks.find(ROOT))

@@ -71,14 +71,6 @@ def test_what_is_nearest_to_its_end_counts():
     assert POLL.utilisation(1, 1e-3).capacity_used == pytest.approx(POLL.time / 1e-3)
 
 
-def test_dead_slaves_leave_the_wire_silent_and_cost_the_time_out():
-    sound, dead = POLL.utilisation(10, UPDATE), POLL.utilisation(10, UPDATE, dead=10)
-    request = POLL.line.frame_time(8)
-    assert dead.bus_time == pytest.approx(request / (request + POLL.timeout))
-    assert sound.bus_time == pytest.approx((request + POLL.line.frame_time(13)) / POLL.time)
-    assert dead.capacity_used > sound.capacity_used
-
-
 def test_nothing_uses_nothing():
     nothing = can.response_times(can.MessageSet([]), 125e3).utilisation()
     assert nothing[:2] == (0, 0) and math.isnan(nothing.worst_response)

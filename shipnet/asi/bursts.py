@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
-from typing import Any, Literal, NamedTuple, TypeAlias
+from itertools import product
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +17,8 @@ from scipy.ndimage import binary_dilation, correlate1d, maximum_filter1d
 
 from shipnet.arrays import Bools, Floats, Indices, Integers, parts_of, release
 from shipnet.asi.batch import NONE
-from shipnet.asi.modulation import HALF_BIT, Pulses
-from shipnet.asi.receiver import Reception, receive
+from shipnet.asi.modulation import HALF_BIT
+from shipnet.asi.receiver import receive
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError
 
@@ -191,18 +192,14 @@ def smallest_pulses(sample: list[Piece]) -> Iterator[float]:
     # Skip up to three of the largest values, which may be impulses.
     few = largest[-min(4, 1 + largest.size // 2)]
     for size in [float(few), *np.quantile(largest, [0.9, 0.75, 0.5]).tolist()]:
-        yield max(0.1 * size, min(5 * _noise(sample, size), 0.4 * size))
-
-
-def _noise(sample: list[Piece], typical: float) -> float:
-    """Return the standard deviation [V] of the filtered voltage between pulses."""
-    idle = []
-    for piece in sample:
-        reach = round(2 * HALF_BIT / piece.step)
-        loud = np.abs(piece.y) > 0.35 * typical
-        idle.append(piece.y[~binary_dilation(loud, np.ones(2 * reach + 1, bool))])
-    quiet = np.concatenate(idle)
-    return 1.4826 * float(np.median(np.abs(quiet - np.median(quiet)))) if quiet.size else 0.0
+        # The standard deviation of the voltage between pulses.
+        idle = []
+        for piece in sample:
+            around = np.ones(2 * round(2 * HALF_BIT / piece.step) + 1, bool)
+            idle.append(piece.y[~binary_dilation(np.abs(piece.y) > 0.35 * size, around)])
+        quiet = np.concatenate(idle)
+        noise = 1.4826 * float(np.median(np.abs(quiet - np.median(quiet)))) if quiet.size else 0.0
+        yield max(0.1 * size, min(5 * noise, 0.4 * size))
 
 
 def find_bursts(piece: Piece, minimum: float) -> Bursts:
@@ -264,16 +261,12 @@ def _rejoin(
     return start[keep], first[keep], last[np.append(~join, True)]
 
 
-# Reception of bursts --------------------------------------------------------------------------
-
 #: Length [s] and number of the pieces that determine the smallest pulse and the polarity.
 _SAMPLE, _SAMPLES = 2e-3, 8
 
-#: Maximum number of pieces that `_liveliest` compares, and of telegrams that wait for reception.
-_LOOKS, _TOGETHER = 512, 1000
-
-#: Number of batches of telegrams that are merged into one.
-_PARTS = 40
+#: Maximum number of pieces that `_liveliest` compares, and of batches of telegrams to merge: the
+#: operating system can reclaim large blocks of memory, but not small ones.
+_LOOKS, _PARTS = 512, 40
 
 #: Largest voltage that a record may contain [V].
 LARGEST = 1e9
@@ -290,7 +283,6 @@ _NEAR = 2.5 * HALF_BIT
 #: Smallest number of pulses in a faulty telegram; a burst with fewer counts as a disturbance.
 _FEWEST_PULSES = 5
 
-
 #: Fields of a telegram: its start, first and last peak [s]; its length [bit]; its word and a mask
 #: of the known bits; its error code; the height of its first pulse [V]; `weakest` and `ringing` as
 #: in `Reception`; True if the burst is as long as a telegram; and whether the telegram is near
@@ -298,13 +290,9 @@ _FEWEST_PULSES = 5
 _TELEGRAM = np.dtype(
     [
         *((name, np.float64) for name in ("start", "first", "last")),
-        ("length", np.int8),
-        ("word", np.int16),
-        ("known", np.int16),
-        ("error", np.uint8),
+        *(("length", np.int8), ("word", np.int16), ("known", np.int16), ("error", np.uint8)),
         *((name, np.float64) for name in ("amplitude", "weakest", "ringing")),
-        ("fits", np.bool_),
-        ("edge", np.int8),
+        *(("fits", np.bool_), ("edge", np.int8)),
     ]
 )
 
@@ -313,9 +301,9 @@ Telegrams: TypeAlias = "np.recarray[Any, Any]"
 
 def _joined(parts: list[Telegrams]) -> Telegrams:
     """Merge batches of telegrams and sort them by time."""
-    whole = np.concatenate(parts).view(np.recarray)
-    if (np.diff(whole.first) < 0).any():
-        whole = whole[np.argsort(whole.first, kind="stable")].view(np.recarray)
+    whole: Telegrams = np.concatenate(parts).view(np.recarray)
+    if (np.diff(whole["first"]) < 0).any():
+        whole = whole[np.argsort(whole["first"], kind="stable")].view(np.recarray)
     return whole
 
 
@@ -336,28 +324,22 @@ def find_telegrams(u: Floats, dt: float, threshold: float) -> Found:
     """Find and receive the telegrams of a record, as described in `decode`."""
     begins, ends = _edges(u, dt)
     sample = list(pieces(u, dt, length=round(_SAMPLE / dt), only=_liveliest(u, dt)))
-    minimum, sign = _measure(sample, smallest_pulses(sample), threshold)
+    minimum, sign = _measure(sample, threshold)
     parts: list[Telegrams] = []
-    waiting: list[_Cut] = []
     disturbances = 0
     for piece in pieces(u, dt):
         bursts = find_bursts(piece, minimum)
         first = piece.start + bursts.first * piece.step
         last = piece.start + bursts.last * piece.step
         inside = (first >= piece.begin) & (first < piece.end)
-        cut_front = _distance(first, begins, "right") < _NEAR
-        cut_back = -_distance(last, ends, "left") < _NEAR
+        cut_front = first - begins[np.searchsorted(begins, first, "right") - 1] < _NEAR
+        cut_back = ends[np.minimum(np.searchsorted(ends, last), len(ends) - 1)] - last < _NEAR
         whole = bursts.pulses >= np.where(cut_front | cut_back, 2, _FEWEST_PULSES)
         disturbances += int((inside & ~whole).sum())
         edge = np.where(cut_front, 1, np.where(cut_back, 2, 0))[inside & whole]
-        waiting += _cut(piece, bursts.where(inside & whole), edge, sign)
-        if sum(len(some.rows) for some in waiting) > _TOGETHER:
-            parts.append(_received(waiting, threshold))
-            waiting = []
-            if len(parts) == _PARTS:
-                # The operating system can reclaim large blocks of memory, but not small ones.
-                parts = [_joined(parts)]
-    parts.append(_received(waiting, threshold))
+        parts.append(_received(piece, bursts.where(inside & whole), edge, sign, threshold))
+        if len(parts) == _PARTS:
+            parts = [_joined(parts)]
     return Found(_joined(parts), ends, sign < 0, minimum, disturbances)
 
 
@@ -404,111 +386,49 @@ def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
     return np.append(0, until[long]) * dt, np.append(since[long], len(u)) * dt
 
 
-def _distance(
-    times: npt.NDArray[np.floating], edges: Floats, side: Literal["left", "right"]
-) -> npt.NDArray[np.floating]:
-    """Return the time since the previous edge ("right") or minus the time to the next ("left")."""
-    index = np.searchsorted(edges, times, side) - (side == "right")
-    return times - edges[np.clip(index, 0, len(edges) - 1)]
-
-
-def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> tuple[float, int]:
-    """Return which of `limits` [V] and which polarity (1, -1) yield the most correct telegrams."""
+def _measure(sample: list[Piece], threshold: float) -> tuple[float, int]:
+    """Return the smallest pulse [V] and polarity (1, -1) that yield the most correct telegrams."""
     best, most = (0.0, 1), -1
-    for minimum in limits:
-        per_piece = [find_bursts(piece, minimum) for piece in sample]
-        fits = [few.where(few.fits & (np.cumsum(few.fits) <= 64)) for few in per_piece]
-        cut = [
-            some
-            for piece, few in zip(sample, fits, strict=True)
-            for some in _cut(piece, few, few.bits)
-        ]
-        received = [_heard(together, threshold) for _, together in _by_length(cut)]
-        inverted = [Pulses(-one.slots).check()[1] for one in received]
-        right = {
-            1: sum(int((one.error == 0).sum()) for one in received),
-            -1: sum(int((error == 0).sum()) for error in inverted),
-        }
+    for minimum in smallest_pulses(sample):
+        each = [(piece, find_bursts(piece, minimum)) for piece in sample]
+        right = dict.fromkeys((1, -1), 0)
+        for sign, (piece, bursts) in product(right, each):
+            some = bursts.where(bursts.fits & (np.cumsum(bursts.fits) <= 64))
+            received = _received(piece, some, some.bits, sign, threshold)
+            right[sign] += int((received.error == 0).sum())
         # In a tie, the first pulses decide: they are negative unless the record is inverted.
-        heights = sum(int(np.sign(bursts.height).sum()) for bursts in per_piece)
+        heights = sum(int(np.sign(bursts.height).sum()) for _, bursts in each)
         sign = -1 if (right[-1], heights) > (right[1], 0) else 1
         if right[sign] > most:
             best, most = (minimum, sign), right[sign]
-        if 2 * right[sign] > sum(int((some.pulses >= _FEWEST_PULSES).sum()) for some in per_piece):
+        if 2 * right[sign] > sum(int((few.pulses >= _FEWEST_PULSES).sum()) for _, few in each):
             break
     return best
 
 
-class _Cut(NamedTuple):
-    """Telegrams of one length, cut out of a piece: their samples, times [s] and heights."""
-
-    bits: int
-    step: float
-    rows: npt.NDArray[Any]
-    begin: Floats
-    first: Floats
-    last: Floats
-    #: Height of each telegram's first pulse, by which its samples are divided [V].
-    unit: Floats
-    fits: Bools
-    edge: Integers
-
-
-def _cut(piece: Piece, bursts: Bursts, edge: Integers, sign: int = 1) -> list[_Cut]:
-    """Cut requests and responses out of a piece; a `sign` of -1 inverts their voltage."""
-    parts = []
+def _received(
+    piece: Piece, bursts: Bursts, edge: Integers, sign: int, threshold: float
+) -> Telegrams:
+    """Receive the bursts of a piece as requests or responses; a `sign` of -1 inverts them."""
+    telegrams = [np.recarray(0, dtype=_TELEGRAM)]
     before, behind = round(_BEFORE / piece.step), round(_BEHIND / piece.step)
     around = piece.around[piece.margin - before :]
     for n_bits in _SPANS:
+        which = bursts.bits == n_bits
+        some, at_edge = bursts.where(which), edge[which]
+        if not len(at_edge):
+            continue
         length = before + round(2 * n_bits * HALF_BIT / piece.step) + behind
-        of_length, which = bursts.where(bursts.bits == n_bits), edge[bursts.bits == n_bits]
-        unit = np.abs(of_length.height)
-        rows = np.lib.stride_tricks.sliding_window_view(around, length)[of_length.first]
+        rows = np.lib.stride_tricks.sliding_window_view(around, length)[some.first]
+        unit = np.abs(some.height)
         rows /= sign * unit.astype(np.float32)[:, np.newaxis]
-        indices: tuple[Any, ...] = (of_length.first - before, of_length.first, of_length.last)
+        minimum = min(_FIRST_PULSE, threshold)
+        heard = receive(rows, piece.step, n_bits, threshold=threshold, minimum=minimum)
+        bits, weights = heard.bits.astype(np.int64), 1 << np.arange(n_bits)[::-1]
+        indices: tuple[Any, ...] = (some.first - before, some.first, some.last)
         begin, first, last = (piece.start + at * piece.step for at in indices)
-        parts.append(
-            _Cut(n_bits, piece.step, rows, begin, first, last, unit, of_length.fits, which)
-        )
-    return parts
-
-
-def _by_length(parts: list[_Cut]) -> Iterator[tuple[int, _Cut]]:
-    """Yield the merged responses, then the merged requests, each with its number of bits."""
-    for n_bits in _SPANS:
-        same = [some for some in parts if some.bits == n_bits]
-        if same:
-            fields = list(zip(*same, strict=True))[2:]
-            together = [np.concatenate(field) for field in fields]
-            yield n_bits, _Cut._make([n_bits, same[0].step, *together])
-
-
-def _heard(cut: _Cut, threshold: float) -> Reception:
-    """Receive telegrams of one length."""
-    minimum = min(_FIRST_PULSE, threshold)
-    return receive(cut.rows, cut.step, cut.bits, threshold=threshold, minimum=minimum)
-
-
-def _received(parts: list[_Cut], threshold: float) -> Telegrams:
-    """Receive all responses together, then all requests; return their fields sorted by time."""
-    telegrams = [np.recarray(0, dtype=_TELEGRAM)]
-    for n_bits, cut in _by_length(parts):
-        received = _heard(cut, threshold)
-        bits = received.bits.astype(np.int64)
-        weights = 1 << np.arange(n_bits)[::-1]
-        fields = [
-            cut.begin + received.start,
-            cut.first,
-            cut.last,
-            np.full(len(bits), n_bits),
-            np.maximum(bits, 0) @ weights,
-            (bits != NONE) @ weights,
-            received.error,
-            received.amplitude * cut.unit,
-            received.weakest,
-            received.ringing,
-            cut.fits,
-            cut.edge,
-        ]
+        words = np.full(len(bits), n_bits), np.maximum(bits, 0) @ weights, (bits != NONE) @ weights
+        heights = heard.amplitude * unit, heard.weakest, heard.ringing
+        fields = begin + heard.start, first, last, *words, heard.error, *heights, some.fits, at_edge
         telegrams.append(np.rec.fromarrays(fields, dtype=_TELEGRAM))
     return _joined(telegrams)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import binary_dilation
 
 from shipnet import style
 from shipnet.answers import Findings
@@ -60,14 +61,14 @@ def transactions_of(
 ) -> pd.DataFrame:
     """Pair requests with responses, and return a table with one decoded transaction per row."""
     cut, asks, answers = _roles(telegrams)
-    request, response = _pairs(asks, answers)
+    # Rows of the requests and responses in `telegrams`, -1 where a transaction has none.
+    row = np.cumsum(~answers) - 1
+    request, response = np.full((2, int((~answers).sum())), -1)
+    request[row[asks]], response[row[~asks]] = np.flatnonzero(asks), np.flatnonzero(~asks)
     states = np.where(cut, _STATES.index(CUT_OFF), telegrams.error)
-    nothing = _STATES.index("")
     request_error, response_error = (
-        _pick(states, request, nothing),
-        _pick(states, response, nothing),
+        _pick(states, rows, _STATES.index("")) for rows in (request, response)
     )
-
     readable = request_error == 0
     words = np.where(readable, _pick(telegrams.word, request, 0), -1)
     calls = Requests.parse(words, extended=np.isin(words >> 7 & 31, list(extended)))
@@ -97,12 +98,19 @@ def transactions_of(
     )
     table["request"] = texts[request_text]
     table["call"] = titles[calls.call]
-    table["address"] = _nullable(calls.address)
-    table["half"] = pd.Index(["A", "B", ""])[calls.half]
-    table["request_data"] = _nullable(calls.data)
-    table["response"] = texts[response_text]
-    table["response_data"] = _nullable(data)
-    table["master_pause_bit"], table["slave_pause_bit"] = _pauses(telegrams, request, response, cut)
+    whole = [
+        pd.arrays.IntegerArray(values.astype(np.int64), values == NONE)
+        for values in (calls.address, calls.data, data)
+    ]
+    table["address"], table["half"] = whole[0], pd.Index(["A", "B", ""])[calls.half]
+    table["request_data"] = whole[1]
+    table["response"], table["response_data"] = texts[response_text], whole[2]
+    # The start of a telegram whose beginning is cut off is unknown.
+    begins = np.where(cut & (telegrams.edge == 1), np.nan, telegrams.start)
+    asked, answered = _pick(begins, request, np.nan), _pick(begins, response, np.nan)
+    table["master_pause_bit"] = (answered - asked) / BIT_TIME - REQUEST_BITS
+    pause = np.append((asked[1:] - answered[:-1]) / BIT_TIME - RESPONSE_BITS, np.nan)
+    table["slave_pause_bit"] = np.where(pause <= _SLAVE_PAUSE, pause, np.nan)[: len(request)]
     for name in ("amplitude", "weakest", "ringing"):
         for kind, rows in (("request", request), ("response", response)):
             unit = "_V" if name == "amplitude" else ""
@@ -113,15 +121,9 @@ def transactions_of(
     key = np.ravel_multi_index((request_text, request_error, response_text, response_error), sizes)
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
     some = table.iloc[first]
-    sentences = map(
-        _in_words,
-        some["request"],
-        some["request_error"],
-        (calls.half[first] >= 0).tolist(),
-        some["response"],
-        some["response_error"],
-        calls.call[first].tolist(),
-    )
+    halves, numbers = (calls.half[first] >= 0).tolist(), calls.call[first].tolist()
+    ask, reply = ((some[kind], some[f"{kind}_error"]) for kind in ("request", "response"))
+    sentences = map(_in_words, *ask, halves, *reply, numbers)
     table["text"] = pd.Categorical(list(sentences))[which]
     return table
 
@@ -147,30 +149,6 @@ def _roles(telegrams: Telegrams) -> tuple[Bools, Bools, Bools]:
     return front | back, asks, ~asks & np.append(False, asks[:-1]) & (pause <= _MASTER_PAUSE)
 
 
-def _pairs(asks: Bools, answers: Bools) -> tuple[Indices, Indices]:
-    """Return the indices of each transaction's request and response, -1 if it has none."""
-    row = np.cumsum(~answers) - 1
-    rows = int((~answers).sum())
-    request, response = np.full(rows, -1), np.full(rows, -1)
-    request[row[asks]] = np.flatnonzero(asks)
-    response[row[~asks]] = np.flatnonzero(~asks)
-    return request, response
-
-
-def _pauses(
-    telegrams: Telegrams, request: Indices, response: Indices, cut: Bools
-) -> tuple[Floats, Floats]:
-    """Return the pauses after requests and after responses [bit], NaN if unknown."""
-    # The start of a telegram whose beginning is cut off is unknown.
-    begins = np.where(cut & (telegrams.edge == 1), np.nan, telegrams.start)
-    request_start, response_start = _pick(begins, request, np.nan), _pick(begins, response, np.nan)
-    master = (response_start - request_start) / BIT_TIME - REQUEST_BITS
-    slave = np.full(len(request), np.nan)
-    slave[:-1] = (request_start[1:] - response_start[:-1]) / BIT_TIME - RESPONSE_BITS
-    slave[~(slave <= _SLAVE_PAUSE)] = np.nan
-    return master, slave
-
-
 def _texts(telegrams: Telegrams) -> tuple[pd.Index[str], Indices]:
     """Return the distinct bit strings, the last one "", and the index of each telegram's string.
 
@@ -186,10 +164,6 @@ def _texts(telegrams: Telegrams) -> tuple[pd.Index[str], Indices]:
         pairs = zip(bits, received, strict=True)
         texts.append("".join(bit if one == "1" else "?" for bit, one in pairs))
     return pd.Index([*texts, ""]), which
-
-
-def _nullable(values: npt.NDArray[np.int8]) -> pd.api.extensions.ExtensionArray:
-    return pd.arrays.IntegerArray(values.astype(np.int64), values == NONE)
 
 
 def _in_words(
@@ -290,49 +264,36 @@ class Summary:
 
 def _repeated(transactions: pd.DataFrame) -> Bools:
     """Return a mask of the rows that repeat a request which failed in the previous row."""
-    request = transactions["request"].to_numpy()
-    start = transactions["start_s"].to_numpy()
-    failed = (
-        ~transactions["request_error"].isin(["ok", CUT_OFF])
-        | ~transactions["response_error"].isin(["ok", "", CUT_OFF])
-    ).to_numpy()
+    request, start = transactions["request"].to_numpy(), transactions["start_s"].to_numpy()
+    states = transactions[["request_error", "response_error"]]
+    failed = (~states.isin(_FINE)).any(axis=1).to_numpy()
     repeated = np.zeros(len(request), dtype=bool)
     for row in np.flatnonzero(failed[:-1]) + 1:
         before, now = request[row - 1], request[row]
         if before and len(before) == len(now) and start[row] - start[row - 1] < _AT_ONCE:
-            differences = sum(a != b for a, b in zip(before, now, strict=True) if a != "?")
-            repeated[row] = differences <= 1
+            repeated[row] = sum(a not in ("?", b) for a, b in zip(before, now, strict=True)) <= 1
     return repeated
-
-
-def _cycle_time(transactions: pd.DataFrame, asked: pd.DataFrame) -> float:
-    """Return the median time between successive data exchanges with the same slave [s]."""
-    data = (asked["call"] == "data exchange").to_numpy()
-    times = transactions["start_s"][data].groupby(asked["slave"][data]).diff().dropna()
-    return float(times.median()) if len(times) else float("nan")
 
 
 def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
     """Return a table with one row per addressed slave and one for unreadable addresses."""
     rows = transactions.assign(slave=asked["slave"])[asked["slave"] != ""]
-    by = rows["slave"]
-    response, request = rows["response_error"], rows["request_error"]
+    response = rows["response_error"]
     responses = rows[(rows["response"] != "") & (response != CUT_OFF)].groupby("slave")
-    bad_requests = ~request.isin(_FINE)
-    polled = ~asked["call"].isin(_SEARCH)
+    counted = {
+        "requests": rows["request"] != "",
+        "answers": response == "ok",
+        "unanswered": response == NO_ANSWER,
+        "bad_requests": ~rows["request_error"].isin(_FINE),
+        "errors": ~response.isin([*_FINE, NO_ANSWER]),
+    }
     table = pd.DataFrame(
-        {
-            "requests": (rows["request"] != "").groupby(by).sum(),
-            "answers": (response == "ok").groupby(by).sum(),
-            "unanswered": (response == NO_ANSWER).groupby(by).sum(),
-            "polled": polled.groupby(by).any(),
-            "bad_requests": bad_requests.groupby(by).sum(),
-            "errors": (~response.isin([*_FINE, NO_ANSWER])).groupby(by).sum(),
-            "amplitude_V": responses["response_amplitude_V"].median(),
-            "weakest_pulse": responses["response_weakest"].min(),
-            "ringing": responses["response_ringing"].max(),
-        }
+        {name: mask.groupby(rows["slave"]).sum() for name, mask in counted.items()}
     )
+    table.insert(3, "polled", (~asked["call"].isin(_SEARCH)).groupby(rows["slave"]).any())
+    table["amplitude_V"] = responses["response_amplitude_V"].median()
+    table["weakest_pulse"] = responses["response_weakest"].min()
+    table["ringing"] = responses["response_ringing"].max()
     order = sorted(table.index, key=lambda name: (name == UNKNOWN, len(name.rstrip("AB")), name))
     return table.loc[order].rename_axis("slave")
 
@@ -480,27 +441,31 @@ class Capture:
         >>> decode(plan.record(10e-3, weak={"2": 0.4}, rng=2024)).causes()["slave"].to_dict()
         {'weak slave': '2'}
         """
-        broken, slaves = self.check(plan).violated(), self.slaves
+        broken = self.check(plan).violated()
         causes: list[Found] = []
         if len(broken) or self.disturbances:
-            answering = int((slaves["answers"] > 0).sum())
-            causes = line_causes(
-                self._restored, self.transactions, answering, self.disturbances, self.supply_voltage
-            )
-            clear = self._clear if causes else self
-            causes = _power_cause(self) + causes
+            powered = self._powered
+            answering = int((self.slaves["answers"] > 0).sum())
+            line = powered._restored, powered.transactions, answering, powered.disturbances
+            causes = line_causes(*line, self.supply_voltage)
+            kinds = {one.cause for one in causes}
+            clear = powered._clear if causes else powered
+            power = _power_cause(self)
             usual = usual_levels(clear.slaves, plan)
             senders = sender_causes(clear.slaves, usual, clear.disturbances, clear._silences)
             explained = set()
             # What silences most slaves is a fault of the line.
-            if causes and 2 * [one.cause for one in senders].count(SILENT) > len(clear._silences):
+            silent = [one.cause for one in senders].count(SILENT)
+            if (power or causes) and 2 * silent > len(clear._silences):
                 explained.add(SILENT)
-            # Such faults explain bad telegrams, but not a few bursts between good ones.
-            kinds = {one.cause for one in causes}
-            few = (5 if POWER in kinds else 2) <= clear.disturbances <= clear.telegrams
-            if {CABLE, INDUCTANCE, POWER} & kinds and not few:
+            # A wrong cable or inductance explains bad telegrams, but not bursts between good ones,
+            # and an inductance does not explain that some requests are good and others bad.
+            bursts = clear.disturbances
+            if CABLE not in kinds:
+                bursts += int(clear.slaves["bad_requests"].sum())
+            if {CABLE, INDUCTANCE} & kinds and not 2 <= bursts <= 2 * clear.telegrams:
                 explained.add(INTERFERENCE)
-            causes += [one for one in senders if one.cause not in explained]
+            causes = power + causes + [one for one in senders if one.cause not in explained]
             causes += plan_causes(broken, [one.slave for one in causes])
         return ranked(causes, broken, self.inverted)
 
@@ -556,14 +521,8 @@ class Capture:
         least = _limits()[0]
         for sign in (1, -1):
             ax.axhline(zero + sign * least, color=colour, linestyle=dashes)
-        ax.text(
-            1.01,
-            zero - least,
-            f"{least:g} V",
-            transform=ax.get_yaxis_transform(),
-            color=colour,
-            va="center",
-        )
+        beside: dict[str, Any] = {"transform": ax.get_yaxis_transform(), "va": "center"}
+        ax.text(1.01, zero - least, f"{least:g} V", color=colour, **beside)
         ends, red = ax.get_xaxis_transform(), style.LIMIT["color"]
         per_inch = (stop - start) * ax.figure.dpi / ax.bbox.width
         legible, named = per_inch < 16 * BIT_TIME, -np.inf
@@ -579,9 +538,8 @@ class Capture:
                 colour = style.FIELD["address" if kind == "request" else "information"]
                 if error != "ok" and not legible:
                     colour = red
-                ax.axvspan(
-                    begin * 1e6, (begin + length) * 1e6, color=colour, alpha=0.5, linewidth=0
-                )
+                ends_us = begin * 1e6, (begin + length) * 1e6
+                ax.axvspan(*ends_us, color=colour, alpha=0.5, linewidth=0)
                 there: dict[str, Any] = {"transform": ends, "ha": "center"}
                 if legible:
                     ax.text(middle * 1e6, 1.02, bits, family="monospace", **there)
@@ -608,11 +566,13 @@ class Capture:
         faults = [state for state in states.ravel() if state not in (*_FINE, NO_ANSWER)]
         repeated = _repeated(transactions)
         slaves = _slaves(transactions, self._asked)
+        exchanges = (self._asked["call"] == "data exchange") & ~repeated
+        times = transactions["start_s"].where(exchanges).dropna()
         addressed = slaves[slaves.index != UNKNOWN]
         silent = addressed[(addressed["answers"] == 0) & (addressed["unanswered"] > 0)]
         return Summary(
             len(transactions),
-            _cycle_time(transactions[~repeated], self._asked[~repeated]),
+            float(times.groupby(self._asked["slave"]).diff().median()),
             int(repeated.sum()),
             int((transactions["response_error"] == NO_ANSWER).sum()),
             list(addressed.index[addressed["answers"] > 0]),
@@ -640,6 +600,20 @@ class Capture:
             return self
         clear = decode(self._restored.pulses, self._restored.step, extended=self.extended)
         return max(self, clear, key=lambda one: one.telegrams / max(1, len(one.transactions)))
+
+    @cached_property
+    def _powered(self) -> Capture:
+        """The capture without the times at which the supply fails, or this one if it never does.
+
+        While the supply falls and rises, telegrams are cut off and bursts appear.
+        """
+        length = len(self.wave.u) / len(self._means)
+        low = binary_dilation(self._means < POWER_FAIL, iterations=3)
+        if np.isnan(self.supply_voltage) or low.all() or not low.any():
+            return self
+        block = np.minimum(np.arange(len(self.wave.u)) / length, len(low) - 1).astype(int)
+        u = np.where(low[block], np.nan, self.wave.u)
+        return decode(u, self.wave.dt, extended=self.extended)
 
     @cached_property
     def _asked(self) -> pd.DataFrame:
@@ -858,15 +832,7 @@ def decode(
             raise ArgumentError(f"extended contains {address!r}; addresses must be 1..31")
     decoded = find_telegrams(u, dt, threshold)
     table = transactions_of(decoded.telegrams, decoded.ends, extended)
-    return Capture(
-        table,
-        len(u) * dt,
-        decoded.inverted,
-        decoded.minimum,
-        decoded.disturbances,
-        wave,
-        tuple(extended),
-    )
+    return Capture(table, len(u) * dt, *decoded[2:], wave, tuple(extended))
 
 
 def _checked(u: npt.ArrayLike, dt: float) -> Floats:

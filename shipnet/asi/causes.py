@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from shipnet.arrays import Complexes, Floats, Integers
+from shipnet.arrays import Floats, Integers
 from shipnet.asi.bursts import Sampling, find_telegrams, resample
 from shipnet.asi.modulation import Modulation
 from shipnet.asi.receiver import receive
@@ -109,6 +108,8 @@ class Restored(NamedTuple):
     inverted: bool
     #: Restored pulses, as high as the voltage; empty if nothing was gained.
     pulses: Floats
+    #: Number of bad requests and other bursts among the restored pulses.
+    unread: int = 0
 
     @property
     def short(self) -> bool:
@@ -145,14 +146,17 @@ def restored(
             best = best._replace(start=begin, words=good.word, inverted=decoded.inverted)
             if len(good):
                 scale = np.quantile(np.abs(best.x), 0.99) / np.quantile(np.abs(pulses), 0.99)
-                best = best._replace(pulses=scale * pulses)
+                bad = int(((every.error > 0) & (every.length == REQUEST_BITS)).sum())
+                best = best._replace(pulses=scale * pulses, unread=bad + decoded.disturbances)
         if len(good) > 0.8 * len(times) > 0:
             break
     return best
 
 
 def measured(part: Restored) -> Impedance | None:
-    """Return the impedance at the master, or None if fewer than 3 requests can be read."""
+    r"""Fit :math:`1/Z = 1/R + 1/sL + sC` to three or more requests; None if fewer are read."""
+    from scipy.optimize import nnls
+
     begin = part.start - part.since - _BEFORE
     inside = np.flatnonzero((begin > 0) & (begin < len(part.x) * part.step - _WINDOW))
     if len(inside) < _FEWEST:
@@ -164,19 +168,14 @@ def measured(part: Restored) -> Impedance | None:
     rows -= np.median(rows[:, t < 0.6 * _BEFORE], axis=1, keepdims=True)
     spectra = rows @ np.exp(-np.outer(t, s)) * part.step
     bits = np.array([[int(bit) for bit in f"{part.words[k]:0{REQUEST_BITS}b}"] for k in some])
-    sent = -s * Modulation(bits).transform(s, start=_BEFORE)
-    return _fitted(s, -sent if part.inverted else sent, spectra)
-
-
-def _fitted(s: npt.NDArray[Any], sent: Complexes, spectra: Complexes) -> Impedance:
-    r"""Fit :math:`1/Z = 1/R + 1/sL + sC` to the spectra of the voltage and the current's slope."""
-    from scipy.optimize import nnls
-
+    sent = (s if part.inverted else -s) * Modulation(bits).transform(s, start=_BEFORE)
     power = (np.abs(sent) ** 2).sum(0)
     cross = (spectra * sent.conj()).sum(0)
     z = cross / power
-    stray = 1 - (np.abs(cross) ** 2 / power).sum() / (np.abs(spectra) ** 2).sum()
-    weight = np.sqrt(power) * np.abs(z)
+    explained, energy = np.abs(cross) ** 2 / power, (np.abs(spectra) ** 2).sum(0)
+    stray = 1 - explained.sum() / energy.sum()
+    # Frequencies at which interference prevails hardly count.
+    weight = np.sqrt(power) * np.abs(z) * (explained / energy) ** 2
     unit = np.array([1 / 78.0, 1 / 100e-6, 5e-9])
     terms = weight[:, np.newaxis] * np.stack([s, s**0, s**2], axis=1) * unit
     target = np.concatenate([weight, 0 * weight])
@@ -186,16 +185,9 @@ def _fitted(s: npt.NDArray[Any], sent: Complexes, spectra: Complexes) -> Impedan
         fits.append(nnls(np.concatenate([columns.real, columns.imag]), target))
     values, rest = min(fits, key=lambda fit: fit[1])
     conductance, inverse, capacitance = np.maximum(values, 1e-6) * unit
-    return Impedance(
-        float(1 / conductance),
-        float(1 / inverse),
-        float(capacitance),
-        float(rest / np.linalg.norm(weight)),
-        float(stray),
-    )
+    misfit = rest / np.linalg.norm(weight)
+    return Impedance(*map(float, (1 / conductance, 1 / inverse, capacitance, misfit, stray)))
 
-
-# Causes ----------------------------------------------------------------------------------------
 
 CABLE = "cable too long or a stub"
 SECOND = "second supply"
@@ -246,11 +238,11 @@ def ranked(causes: list[Found], broken: pd.DataFrame, inverted: bool) -> pd.Data
         rows.append(
             (one.cause, one.slave, float(explained.mean()) if len(explained) else 0.0, one.evidence)
         )
-    if inverted:
-        rows.append((REVERSED, "", 0.0, "the first pulse of most telegrams is positive"))
+    rows.sort(key=lambda row: -row[2])
+    if inverted:  # it explains no other finding, but is certain
+        rows.insert(1, (REVERSED, "", 0.0, "the first pulse of most telegrams is positive"))
     table = pd.DataFrame(rows, columns=["cause", "slave", "share", "evidence"])
-    table = table.drop_duplicates(["cause", "slave"])
-    return table.sort_values("share", ascending=False, kind="stable").set_index("cause")
+    return table.drop_duplicates(["cause", "slave"]).set_index("cause")
 
 
 def line_causes(
@@ -262,12 +254,12 @@ def line_causes(
     number of bursts that are not telegrams, and `supply` the supply voltage [V], NaN if unknown.
     """
     impedance = measured(part)
+    unread = bursts + int((~rows["request_error"].isin(["ok", "", "cut off"])).sum())
     if impedance is None:
         level = np.quantile(np.abs(part.x), 0.99) if len(part.x) else 0.0
-        unread = bursts + int((~rows["request_error"].isin(["ok", ""])).sum())
         if level > _NOTHING and unread >= 2 * _FEWEST:
             evidence = f"{unread} telegrams cannot be read, even with the cable's echoes removed"
-            return [Found(CABLE, evidence)]
+            return [Found(CABLE, f"{evidence}; strong interference looks the same")]
         silent = level < _NOTHING and not (rows["response_error"] == "ok").any()
         if silent and not np.isnan(supply) and not part.short:
             evidence = (
@@ -287,9 +279,7 @@ def line_causes(
     low = rows["response_amplitude_V"].median() < _LEAST
     alike = 0.6 < damped / fed < 1.6
     cause, evidence = "", f"{seen}; {usual}"
-    if stray > 3 * _STRAY:
-        pass  # too noisy for the impedance
-    elif fed > 2.5:
+    if fed > 2.5:
         cause = INDUCTANCE
     elif alike and fed > (1.15 if low else 1.4):
         cause, evidence = SECOND, f"{evidence}; a supply with half these values looks the same"
@@ -301,6 +291,10 @@ def line_causes(
             f"the line has {c * 1e9:.0f} nF; a legal line of 100 m has at most ",
         )
         evidence += f"{_MOST_CAPACITANCE * 1e9:.0f} nF; echoes are {misfit:.0%} of the requests"
+        unread = part.unread if len(part.pulses) else unread
+        if unread > len(part.start) / 4:
+            evidence += f"; {unread} telegrams stay unreadable without them: echoes are too strong "
+            evidence += "to remove, or there is interference, too"
     elif damped < 0.3:
         rings = 1 / (2 * np.pi * np.sqrt(inductance * c)) / 1e3
         cause, evidence = INDUCTANCE, f"{seen} and rings at {rings:.0f} kHz; {usual}"
@@ -378,6 +372,7 @@ def sender_causes(
     if bursts and not len(bad) and not causes and too_weak:
         evidence = f"none of its responses can be read; {bursts} bursts are not telegrams"
         return [Found(WEAK, evidence, str(silent[0]))]
+    silent_causes = []
     for label, series in silences.items():
         if max(series) < 2 or label in named:
             continue
@@ -392,7 +387,7 @@ def sender_causes(
             continue
         else:
             evidence = f"{max(series)} data exchanges in a row have no response, but later ones do"
-        causes.append(Found(SILENT, evidence, label))
+        silent_causes.append(Found(SILENT, evidence, label))
     one = bad.index[0] if len(bad) == 1 and bad.index[0] != "unknown" else ""
     if one and slaves["errors"][one] == bad[one] >= 3:
         evidence = (
@@ -402,4 +397,4 @@ def sender_causes(
     elif len(bad) or (bursts and not named):
         where = f"{int(bad.sum())} intermittent bad telegrams at {len(bad)} slaves"
         causes.append(Found(INTERFERENCE, f"{where}; {bursts} bursts that are not telegrams"))
-    return causes
+    return silent_causes + causes

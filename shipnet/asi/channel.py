@@ -19,7 +19,6 @@ from shipnet.asi.modulation import ONE_PULSE_CODES, collide
 from shipnet.asi.slave import (
     KINDS,
     MOVING,
-    OBEY,
     STATE,
     RunningSlave,
     Slave,
@@ -59,8 +58,6 @@ TRANSACTION = np.dtype(
 #: Attempt, outcome, pause, response and execution of a request that nobody answers.
 _UNANSWERED = (0, SilenceError.code, nan, -1, False)
 
-# Disturbances ----------------------------------------------------------------------------------
-
 #: Number of ways to disturb one pulse of a response; the ways are numbered from 1.
 VARIANTS = len(ONE_PULSE_CODES[0])
 
@@ -98,9 +95,6 @@ def draw_disturbances(
             variant = rng.integers(1, VARIANTS + 1, shape, dtype=np.uint8)
             to_slave["variant"] = np.where(rng.random(shape) < disturbed, variant, 0)
     return drawn
-
-
-# Stations --------------------------------------------------------------------------------------
 
 
 class Station(RunningSlave):
@@ -154,9 +148,6 @@ class Stations(dict[str, list[Station]]):
         raise ArgumentError(
             f"slave {label} is not on the line; its slaves are {', '.join(self) or 'none'}"
         )
-
-
-# The telegrams ---------------------------------------------------------------------------------
 
 
 @compiled
@@ -481,40 +472,23 @@ class Channel:
         start, end = self.time, self.time + REQUEST_BITS
         self.happen(end)
         number, spoilt = self.row + 1, self._spoilt == self.row
+        late = self.transaction.unsynchronised
         answers = []
         for station, read in self._addressed(request) if self._readable(request) else []:
             lost, missed, variant = self._disturbance(station, attempt)
-            pause = receive(
-                self.stations.states,
-                station.place,
-                number,
-                lost,
-                missed or spoilt,
-                self.transaction.unsynchronised,
-            )
-            data = (
-                NONE
-                if lost
-                else OBEY[read.call](station, read.data, end * self.transaction.bit_time)
-            )
+            states, place = self.stations.states, station.place
+            pause = receive(states, place, number, lost, missed or spoilt, late)
+            now = end * self.transaction.bit_time
+            data = NONE if lost else station.obey(read.call, read.data, now)
             if data != NONE:
                 answers.append((data, float(pause), variant, station))
         if request.call in MOVING:
             self._table = None
         reply, pause, error = self._resolve(request, end, answers)
         silent = request.call.rule.answer is None
-        self._rows(1)[self.row] = (
-            start,
-            attempt,
-            0 if silent else error,
-            pause,
-            max(reply, -1),
-            bool(answers) or silent,
-            self._phase,
-            self._cycle,
-            self.standby,
-            *_columns(request),
-        )
+        outcome = 0 if silent else error, pause, max(reply, -1), bool(answers) or silent
+        begun = self._phase, self._cycle, self.standby
+        self._rows(1)[self.row] = (start, attempt, *outcome, *begun, *_columns(request))
         self.row = number
         return reply
 

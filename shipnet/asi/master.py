@@ -9,6 +9,7 @@ from __future__ import annotations
 from bisect import bisect
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping
+from dataclasses import KW_ONLY
 from enum import IntEnum
 from functools import cache
 from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar, cast
@@ -63,38 +64,25 @@ class Master:
         optional=True,
         make=_no_profiles,
     )
+    _: KW_ONLY
     outputs: Mapping[str, int] = part(
         Mapping,
         "Outputs of each slave by label, 0..15, or 0..7 for an A/B slave; by default all "
         "bits are set",
         default_factory=dict,
-        kw_only=True,
     )
-    repetitions: int = whole(
-        0, 7, help="Number of immediate repetitions of a failed request", default=1, kw_only=True
-    )
+    repetitions: int = whole(0, 7, "", "Immediate repetitions of a failed request", default=1)
     drop_after: int = whole(
-        1,
-        1000,
-        help="Number of consecutive data exchanges that fail, repetitions included, "
-        "before a slave is dropped",
-        default=3,
-        kw_only=True,
+        1, 1000, "", "Consecutive failed data exchanges after which a slave is dropped", default=3
     )
     automatic_addressing: bool = switch(
         "True if a new slave at address 0 replaces the only missing slave, provided that both "
         "have the same profile; in protected mode only",
         default=False,
-        kw_only=True,
     )
-    node: str = text("Node of the master; required in a plan", default="", kw_only=True)
+    node: str = text("Node of the master; required in a plan", default="")
     current: float = number(
-        0,
-        10,
-        "A",
-        "Current drawn from the line; the default assumes a slave's current",
-        default=CURRENT,
-        kw_only=True,
+        0, 10, "A", "Current from the line; by default as assumed for a slave", default=CURRENT
     )
 
     def __post_init__(self) -> None:
@@ -132,9 +120,6 @@ class Master:
 def check_bits(what: str, label: str, value: int) -> int:
     """Check and return the output or parameter bits of a slave: four, or three for an A/B slave."""
     return check_whole(f"{what} of slave {label}", value, 0, 7 if slave_key(label)[1] else 15)
-
-
-# Lists -----------------------------------------------------------------------------------------
 
 
 class Identity(NamedTuple):
@@ -254,8 +239,6 @@ class Lists:
         self.changes.append((self.clock(), which, self.label(key), present))
 
 
-# Tasks -----------------------------------------------------------------------------------------
-
 #: Replies in place of data bits: no response before the time-out, and an invalid response.
 SILENT, FAULTY = -1, -2
 
@@ -336,9 +319,6 @@ def wait_for_storing(address: int, half: Half | None) -> Task[None]:
             return
 
 
-# Phases ----------------------------------------------------------------------------------------
-
-
 class Phase(IntEnum):
     """The phases of a master, in the order in which they run."""
 
@@ -412,12 +392,20 @@ class RunningMaster:
         if active is None:
             self._begin(Phase.OFFLINE)
             while not lists.detected:
-                yield from self._detect()
+                self._begin(Phase.DETECTION)
+                for key in filter(lists.can_be, range(64)):
+                    identity = yield from self._through(identify(key))
+                    if identity is not None:
+                        lists.note(key, identity)
             self._begin(Phase.ACTIVATION)
             for key in sorted(lists.detected):
                 yield from self._through(activate(lists, key))
         else:
-            self._take_over(active)
+            for label, outputs in active.items():
+                key = slave_key(label)[0]
+                lists.note(key, Identity(lists.projected[label], -1))
+                lists.outputs[label] = outputs
+                lists.join(key)
         while True:
             self.cycle += 1
             self._begin(Phase.DATA_EXCHANGE)
@@ -472,15 +460,6 @@ class RunningMaster:
     def _begin(self, phase: Phase) -> None:
         self._observer.begin(phase, self.cycle)
 
-    def _take_over(self, active: Mapping[str, int]) -> None:
-        for label, outputs in active.items():
-            if label not in self.lists.projected:
-                raise ArgumentError(f"slave {label} is active; it must be projected, too")
-            key = slave_key(label)[0]
-            self.lists.note(key, Identity(self.lists.projected[label], -1))
-            self.lists.outputs[label] = outputs
-            self.lists.join(key)
-
     def _send(self, what: Request) -> Task[int]:
         """Send a request, and repeat it while it fails and a repetition is left."""
         reply = yield what
@@ -510,15 +489,6 @@ class RunningMaster:
             self.failures[key] = 0
             self.dropped.append((self._observer.seconds, self.lists.label(key)))
             self.lists.forget(key)
-
-    def _detect(self) -> Task[None]:
-        """Search all addresses for slaves."""
-        self._begin(Phase.DETECTION)
-        for key in range(64):
-            if self.lists.can_be(key):
-                identity = yield from self._through(identify(key))
-                if identity is not None:
-                    self.lists.note(key, identity)
 
     def _manage(self) -> Task[None]:
         """Send at most one request: for the host's command, or to read a slave's status."""

@@ -463,9 +463,6 @@ class Pulses:
         return ax
 
 
-# Disturbed telegrams ---------------------------------------------------------------------------
-
-
 @lru_cache(maxsize=4096)
 def collide(telegrams: tuple[tuple[str, int], ...], n_bits: int) -> tuple[str, int]:
     """Return bits and error code received from overlapping telegrams, each (bits, first slot)."""

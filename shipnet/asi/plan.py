@@ -523,9 +523,8 @@ class Plan:
         if len(self.slaves) <= _NAMED:
             for node in dict.fromkeys(slave.node for slave in self.slaves):
                 labels = " ".join(slave.label for slave in self.slaves if slave.node == node)
-                ax.annotate(
-                    labels, tuple(spots[node]), (0, 6), textcoords="offset points", ha="center"
-                )
+                above: dict[str, Any] = {"textcoords": "offset points", "ha": "center"}
+                ax.annotate(labels, tuple(spots[node]), (0, 6), **above)
         for label, (marker, colour, size) in _MARKS.items():
             if points[label] or (table is not None and label.startswith("slave,")):
                 look = {"marker": marker, "color": colour, "markersize": size, "linestyle": "none"}
@@ -590,9 +589,6 @@ def read_plan(path: str | PathLike[str]) -> Plan:
     return replace(plan_of(elements, notes), remarks=remarks)
 
 
-# Several plans --------------------------------------------------------------------------------
-
-
 class Comparison:
     """Signal quality of several plans, by name of the plan."""
 
@@ -605,19 +601,12 @@ class Comparison:
 
     def table(self) -> pd.DataFrame:
         """Return the worst values of all slaves, one row per plan."""
-        rows = {
-            name: (
-                len(q.received),
-                q.received.min(),
-                q.level_least.min(),
-                q.evenness.min(),
-                q.ringing.max(),
-            )
-            for name, q in self.qualities.items()
-        }
+        rows = {}
+        for name, q in self.qualities.items():
+            worst = q.received.min(), q.level_least.min(), q.evenness.min(), q.ringing.max()
+            rows[name] = len(q.received), *worst
         columns = ["slaves", "received", "level_least_Vpp", "evenness", "ringing"]
-        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
-        return table.rename_axis("plan")
+        return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("plan")
 
     @property
     def within_tolerance(self) -> Bools:

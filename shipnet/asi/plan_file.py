@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from decimal import Decimal
+from math import isnan
 from os import PathLike
 from typing import Any, TypeAlias
 
@@ -52,34 +53,37 @@ _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]]
     "supply": (Supply, {"node": "node"}, {"voltage": "voltage_v", "rating": "rating_a"}),
     "cable": (CableRun, {"a": "node", "b": "to", "length": "length_m"}, {"cable": "cable"}),
     "repeater": (
-        Repeater, {"a": "node", "b": "to"}, {"delay": "delay_us", "current": "current_ma"},
+        Repeater,
+        {"a": "node", "b": "to"},
+        {"delay": "delay_us", "current": "current_ma"},
     ),
     "terminator": (
-        Terminator, {"node": "node"},
+        Terminator,
+        {"node": "node"},
         {"resistance": "resistance_ohm", "inductance": "inductance_uh"},
     ),
     "slave": (
-        Slave, {"node": "node", "label": "address"},
-        {"profile": "profile", "current": "current_ma", "channels": "channels",
-         "conversion": "conversion_ms"},
+        Slave,
+        {"node": "node", "label": "address"},
+        {name: name for name in ("profile", "channels")}
+        | {"current": "current_ma", "conversion": "conversion_ms"},
     ),
-}  # fmt: skip
+}
 
 #: Columns of a plan file, in the order in which they are written.
-COLUMNS = ("kind", "node", "to", "length_m", "cable", "address", "profile", "current_ma",
-           "channels", "conversion_ms", "voltage_v", "rating_a", "delay_us",
-           "resistance_ohm", "inductance_uh")  # fmt: skip
+COLUMNS = tuple(
+    "kind node to length_m cable address profile current_ma channels conversion_ms voltage_v "
+    "rating_a delay_us resistance_ohm inductance_uh".split()
+)
 
-#: Titles of the columns, without units, spaces or punctuation.
-_TITLES = {
-    "kind": "kind element", "node": "node from", "to": "to", "cable": "cable cabletype",
-    "length_m": "length cablelength", "address": "address", "profile": "profile",
-    "current_ma": "current", "channels": "channels", "conversion_ms": "conversion",
-    "voltage_v": "voltage", "rating_a": "rating", "delay_us": "delay",
-    "resistance_ohm": "resistance", "inductance_uh": "inductance",
-    "note": "note notes remark remarks comment comments description",
-}  # fmt: skip
-
+#: Further titles of columns, without units, spaces or punctuation.
+_SYNONYMS = {
+    "kind": "element",
+    "node": "from",
+    "cable": "cabletype",
+    "length_m": "cablelength",
+    "note": "notes remark remarks comment comments description",
+}
 
 #: Remarks on elements, by `note_key`.
 Notes: TypeAlias = Mapping[tuple[str, ...], str]
@@ -127,7 +131,11 @@ class _Elements(Cells):
     """The cells of a plan."""
 
     words = Words(
-        {plain(word): column for column, all_ in _TITLES.items() for word in all_.split()},
+        {
+            plain(word): column
+            for column in (*COLUMNS, "note")
+            for word in [column.partition("_")[0], *_SYNONYMS.get(column, "").split()]
+        },
         {column: column.rpartition("_")[2] for column in _NUMBERS},
     )
     noun, key = "element", "kind"
@@ -143,9 +151,7 @@ class _Elements(Cells):
         return cell("kind").lower() in _KINDS or sum(bool(cell(name)) for name in COLUMNS) > 1
 
 
-def read_elements(
-    path: str | PathLike[str],
-) -> tuple[list[Element], Notes, tuple[str, ...]]:
+def read_elements(path: str | PathLike[str]) -> tuple[list[Element], Notes, tuple[str, ...]]:
     """Read the elements of a plan from a file, the notes on them, and remarks on the reading."""
     what = "titles of a plan (at least kind and node)"
     sheet = read_sheet(path, is_titles=_Elements.score(), what=what)
@@ -157,7 +163,7 @@ def read_elements(
             declaration, _ = _NUMBERS[column]
             unit = declaration.unit.casefold()
             numbers = cells.numbers(column, declaration.low, declaration.high, unit).tolist()
-            values[column] = [None if number != number else number for number in numbers]
+            values[column] = [None if isnan(number) else number for number in numbers]
         else:
             read, legal = _READ.get(column, (str, ""))
             values[column] = cells.values(column, read, legal)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from math import ceil
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -181,11 +181,7 @@ class Receiver:
         0, 1, "", "Smallest pulse, relative to the first; above 0 and below 1", default=0.5
     )
     window: float = number(
-        0,
-        0.5,
-        "half-bits",
-        "The largest sample within this distance of a slot's middle counts",
-        default=0.1,
+        0, 0.5, "half-bits", "The largest sample this close to a slot's middle counts", default=0.1
     )
     matched: bool = switch("True to apply the matched filter first", default=True)
     minimum: float = number(0, 1e9, "V", "Smallest voltage of a pulse", default=MINIMUM)
@@ -312,6 +308,11 @@ class Waveform(line_waveform.Waveform):
         return disturbance.voltage(self.t - self.start, amplitude, rng, size, span=span)
 
 
+#: Length of a half-bit [samples] and number of bits; smallest pulse relative to the first, and in
+#: volts; reach of a look and of the search for the first peak [samples]; ratio of equal heights.
+Settings: TypeAlias = "tuple[float, int, float, float, int, int, float]"
+
+
 @compiled
 def line_filter(u: Floats, taps: Floats) -> Floats:
     """Return a voltage through a symmetric filter."""
@@ -326,22 +327,13 @@ def line_filter(u: Floats, taps: Floats) -> Floats:
 
 
 @compiled
-def listen(
-    u: Floats,
-    taps: Floats,
-    half_bit: float,
-    n_bits: int,
-    threshold: float,
-    minimum: float,
-    window: int,
-    near: int,
-    even: float,
-) -> tuple[Signs, float, float, float, float]:
+def listen(u: Floats, taps: Floats, settings: Settings) -> tuple[Signs, float, float, float, float]:
     """Return the pulses of a telegram; first peak [samples], amplitude, weakest pulse, ringing.
 
     The receiver filters the line voltage, whose mean is 0, waits for the first pulse and then looks
     once per half-bit (ZMD AG, SAP5S/SAP51 data sheet, 2012, p. 31).
     """
+    half_bit, n_bits, threshold, minimum, window, near, even = settings
     slots = np.zeros(2 * n_bits + 2, np.int8)
     y, n = line_filter(u, taps), len(u)
 
@@ -387,23 +379,15 @@ def listen(
 
 @compiled
 def listen_to_rows(
-    u: Floats,
-    mean: Floats,
-    taps: Floats,
-    half_bit: float,
-    n_bits: int,
-    threshold: float,
-    minimum: float,
-    window: int,
-    near: int,
-    even: float,
+    u: Floats, mean: Floats, taps: Floats, settings: Settings
 ) -> tuple[Signs, Signs, Floats]:
     """Return the pulses, the violated rules and the four numbers of each telegram."""
+    n_bits = settings[1]
     slots, places = np.zeros((len(u), 2 * n_bits + 2), np.int8), np.zeros((len(u), 7), np.int8)
     numbers = np.zeros((4, len(u)))
     for row in range(len(u)):
         slots[row], numbers[0, row], numbers[1, row], numbers[2, row], numbers[3, row] = listen(
-            u[row] - mean[row], taps, half_bit, n_bits, threshold, minimum, window, near, even
+            u[row] - mean[row], taps, settings
         )
         places[row] = violated(slots[row])
     return slots, places, numbers
@@ -435,19 +419,11 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     _check_bit_count(n_bits)
     taps, half_bit = _pulse_shape(dt) if receiver.matched else np.ones(1), HALF_BIT / dt
     window, near = int(receiver.window * half_bit + 1e-9), int(_REACH * half_bit) + 1
-    slots, places, (peak, *heights) = listen_to_rows.run(
-        len(rows) * (2 * near + (2 * n_bits + 2) * (2 * window + 2)),
-        rows,
-        mean,
-        taps,
-        half_bit,
-        n_bits,
-        receiver.threshold * (1 + _EVEN),
-        max(receiver.minimum, _LEAST) * (1 + _EVEN),
-        window,
-        near,
-        1 + _EVEN,
-    )
+    even = 1 + _EVEN
+    threshold, minimum = receiver.threshold * even, max(receiver.minimum, _LEAST) * even
+    values = half_bit, n_bits, threshold, minimum, window, near, even
+    steps = len(rows) * (2 * near + (2 * n_bits + 2) * (2 * window + 2))
+    slots, places, (peak, *heights) = listen_to_rows.run(steps, rows, mean, taps, values)
     bits, error = decided(slots, places)
     error[np.isnan(peak)] = SilenceError.code
     fields = (bits, error, peak * dt - 1.5 * HALF_BIT, *heights, slots)

@@ -9,7 +9,7 @@ import numpy as np
 
 from shipnet import datasets
 from shipnet.answers import COLUMNS
-from shipnet.asi.segment import Quality, Segment, signals_of
+from shipnet.asi.segment import Segment, signals_of
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Transaction, polling_cycle
 from shipnet.errors import ArgumentError
@@ -88,19 +88,9 @@ def check_lines(
     # A comparison with NaN, which means no limit, is False.
     beyond = (value < low - _SLACK * abs(low)) | (value > high + _SLACK * abs(high))
     verdict = np.where(np.isnan(value), "not verified", np.where(beyond, "violated", "met"))
-    reason = [said or note for said, note in zip(why, limit["note"], strict=True)]
-    columns = (
-        rule,
-        name,
-        value,
-        low,
-        high,
-        limit["unit"],
-        verdict,
-        reason,
-        limit["source"],
-        limit["graded"],
-    )
+    reason = [given or note for given, note in zip(why, limit["note"], strict=True)]
+    stated = limit["source"], limit["graded"]
+    columns = (rule, name, value, low, high, limit["unit"], verdict, reason, *stated)
     return pd.DataFrame(dict(zip((*COLUMNS, "graded"), columns, strict=True)))
 
 
@@ -120,8 +110,15 @@ def meets(lines: Sequence[tuple[Segment, ...]], limits: pd.DataFrame) -> bool:
 def _rows(
     line: tuple[Segment, ...], wanted: float | None, transaction: Transaction
 ) -> Iterator[_Row]:
-    yield from _line_rows(line, wanted, transaction)
-    yield from _address_rows(line)
+    masters = [master for segment in line for master in segment.masters]
+    name = f"line of {masters[0]}" if masters else f"line with {line[0]}"
+    slaves = [slave for segment in line for slave in segment.slaves]
+    yield "masters", name, len(masters), None, ""
+    yield "slaves", name, len(slaves), None, ""
+    if wanted is not None:
+        delays = [(slave.address, segment.delay) for segment in line for slave in segment.slaves]
+        yield "update_time", name, polling_cycle(delays, transaction).update_time(), wanted, ""
+    yield from _address_rows(slaves)
     terminated = any(segment.terminators for segment in line)
     judged = []
     for segment in line:
@@ -136,33 +133,24 @@ def _rows(
             yield "voltages_and_signals", str(segment), np.nan, None, "; ".join(why)
         else:
             judged.append(segment)
+    rules = ("signal_level_least", "signal_level_most", "signal_evenness", "ringing", "reception")
     for segment, quality in zip(judged, signals_of(judged), strict=True):
-        yield from _signal_rows(segment, quality)
+        names = [name for name, _ in segment.listeners]
+        for rule, values in zip(rules, quality[:5], strict=True):
+            reason = _TERMINATED.get(rule, "") if segment.terminators else ""
+            for name, value in zip(names, values.tolist(), strict=True):
+                yield rule, name, value, None, reason
 
 
-def _line_rows(
-    line: tuple[Segment, ...], wanted: float | None, transaction: Transaction
-) -> Iterator[_Row]:
-    masters = [master for segment in line for master in segment.masters]
-    name = f"line of {masters[0]}" if masters else f"line with {line[0]}"
-    slaves = [slave for segment in line for slave in segment.slaves]
-    yield "masters", name, len(masters), None, ""
-    yield "slaves", name, len(slaves), None, ""
-    if wanted is not None:
-        delays = [(slave.address, segment.delay) for segment in line for slave in segment.slaves]
-        yield "update_time", name, polling_cycle(delays, transaction).update_time(), wanted, ""
-
-
-def _address_rows(line: tuple[Segment, ...]) -> Iterator[_Row]:
-    slaves = [(slave.address, slave) for segment in line for slave in segment.slaves]
+def _address_rows(slaves: Sequence[Slave]) -> Iterator[_Row]:
     on_address: dict[int, list[Slave]] = {}
-    for address, slave in slaves:
-        on_address.setdefault(address, []).append(slave)
-    for address, slave in slaves:
+    for slave in slaves:
+        on_address.setdefault(slave.address, []).append(slave)
+    for slave in slaves:
         name = str(slave)
-        yield "address", name, address, None, ""
+        yield "address", name, slave.address, None, ""
         # A standard slave answers requests to either half.
-        same = [one for one in on_address[address] if one is not slave]
+        same = [one for one in on_address[slave.address] if one is not slave]
         others = [one for one in same if None in (one.half, slave.half) or one.half == slave.half]
         yield "sharing", name, len(others), None, ", ".join(map(str, others))
         odd = (slave.half is not None) != slave.kind.extended
@@ -179,7 +167,9 @@ def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
     yield series, name, len(segment.path), None, f"{segment.reach:g} m from the master"
     per_metre = max(float(run.made_of.delay) for run in segment.cables)
     cable = 2 * segment.reach * per_metre
-    answer = _slowest_answer()
+    # The longest silence before the response of an asynchronous slave [s]. Measured from mid-bit to
+    # mid-bit, the published time includes two half-bits that are not silent.
+    answer = float(_times()["edge to edge, asynchronous, most"]) * 1e-6 - BIT_TIME
     delay = answer + cable + 2 * segment.delay
     note = ""
     if segment.path:
@@ -189,11 +179,8 @@ def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
 
 
 @cache
-def _slowest_answer() -> float:
-    """Return the longest silence before the response of an asynchronous slave [s]."""
-    times = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]
-    # Measured from mid-bit to mid-bit, the time includes two half-bits that are not silent.
-    return float(times["edge to edge, asynchronous, most"]) * 1e-6 - BIT_TIME
+def _times() -> pd.Series:
+    return datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]
 
 
 def _supply_rows(segment: Segment) -> Iterator[_Row]:
@@ -208,12 +195,3 @@ def _supply_rows(segment: Segment) -> Iterator[_Row]:
             volts = segment.voltages[slave.node]
             why = "" if volts else "the supply cannot drive the currents through the cables"
             yield "slave_voltage", str(slave), volts, None, why
-
-
-def _signal_rows(segment: Segment, quality: Quality) -> Iterator[_Row]:
-    names = [name for name, _ in segment.listeners]
-    rules = ("signal_level_least", "signal_level_most", "signal_evenness", "ringing", "reception")
-    why = _TERMINATED if segment.terminators else {}
-    for rule, values in zip(rules, quality[:5], strict=True):
-        reason = why.get(rule, "")
-        yield from ((rule, n, float(v), None, reason) for n, v in zip(names, values, strict=True))

@@ -117,8 +117,6 @@ Element: TypeAlias = CableRun | Master | Supply | Slave | Terminator | Repeater
 #: the others have runs of ones or zeros, which are the most uneven. A test tries all requests.
 PROBES = ("01010101010101", "01111111111111", "00011111111111")
 
-# Telegrams as voltages -------------------------------------------------------------------------
-
 
 def step_response(
     network: Network,
@@ -235,17 +233,10 @@ def quality_of(*waves: Waveform) -> Quality:
         weakest, ringing = np.nan_to_num(received.weakest), np.nan_to_num(received.ringing, nan=1.0)
         parts.append(np.stack([np.ptp(wave.u, axis=-1), weakest, ringing, right]))
     level, weakest, ringing, right = np.concatenate(parts, axis=2)
-    return Quality(
-        level.min(axis=1),
-        level.max(axis=1),
-        weakest.min(axis=1),
-        ringing.max(axis=1),
-        right.mean(axis=1),
-        waves[0].names,
-    )
+    levels = level.min(axis=1), level.max(axis=1)
+    shapes = weakest.min(axis=1), ringing.max(axis=1)
+    return Quality(*levels, *shapes, right.mean(axis=1), waves[0].names)
 
-
-# Segments -------------------------------------------------------------------------------------
 
 #: Time step of received telegrams, and silence before and after them [s].
 _PADDED = {"dt": 250e-9, "before": 5e-6, "after": 55e-6}
@@ -392,9 +383,6 @@ def signals_of(segments: Sequence[Segment]) -> list[Quality]:
         Quality(*part[:, [distinct.index(node) for node in repeated]])
         for part, distinct, repeated in zip(parts, nodes, listeners, strict=False)
     ]
-
-
-# Connections -----------------------------------------------------------------------------------
 
 
 class Groups:

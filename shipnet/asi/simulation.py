@@ -26,8 +26,6 @@ from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.fields import check_fields, check_rng, check_scalar, check_whole, number, part, record
 from shipnet.lazy import Axes, pd
 
-# A standby master ------------------------------------------------------------------------------
-
 
 @record
 class Standby:
@@ -66,8 +64,6 @@ class Standby:
             label: bits for label, bits in outputs.items() if label in (self.master.projected or {})
         }
 
-
-# Results ---------------------------------------------------------------------------------------
 
 _OUTCOMES = [name_of(code) for code in range(SilenceError.code + 1)]
 
@@ -270,8 +266,7 @@ class Run:
             colour = style.FIELD["information"] if fine else style.LIMIT["color"]
             look: dict[str, Any] = {"facecolor": colour, **edge}
             if np.isnan(pause):
-                pause = 2.0
-                look |= {"alpha": 0.35, "linestyle": ":"}
+                pause, look = 2.0, look | {"alpha": 0.35, "linestyle": ":"}
             x, y = begin + (REQUEST_BITS + pause) * bit, row[one["slave"]] - 0.4
             style.box(ax, x, y, response, 0.8, **look)
         last = shown.iloc[-1]
@@ -398,11 +393,9 @@ class Run:
         rows = self.record[np.argmax(self.record["cycle"] >= 0) :]
         bits = REQUEST_BITS * len(rows) + RESPONSE_BITS * np.isfinite(rows["pause"]).sum()
         addresses = len({label.rstrip("AB") for label in times.index})
-        return Utilisation(
-            float(bits / (self.end - rows["start"][0])),
-            max(addresses / ADDRESSES, float(times["update_s"].max()) / update),
-            float(times["longest_s"].max()),
-        )
+        in_use = max(addresses / ADDRESSES, float(times["update_s"].max()) / update)
+        busy = float(bits / (self.end - rows["start"][0]))
+        return Utilisation(busy, in_use, float(times["longest_s"].max()))
 
     def input_changes(self) -> pd.DataFrame:
         """Return the response time to each change of inputs, with one row per change.
@@ -413,16 +406,11 @@ class Run:
         good = self._exchanges.query("not failed")
         answers = []
         for change in self.changes:
-            later = [
-                c.time for c in self.changes if c.slave == change.slave and c.time > change.time
-            ]
-            exchanges_of_slave = good[good["slave"] == change.slave]
-            seen = exchanges_of_slave[
-                exchanges_of_slave["sampled"].between(
-                    change.time, min(later, default=np.inf), "left"
-                )
-            ]
-            answers.append(seen["known"].iloc[0] - change.time if len(seen) else np.nan)
+            times = [c.time for c in self.changes if c.slave == change.slave]
+            until = min((time for time in times if time > change.time), default=np.inf)
+            during = good["sampled"].between(change.time, until, "left")
+            seen = good.loc[during & (good["slave"] == change.slave), "known"]
+            answers.append(seen.iloc[0] - change.time if len(seen) else np.nan)
         frame = pd.DataFrame(self.changes, columns=["time_s", "slave", "value"])
         return frame.assign(response_time_s=np.array(answers, dtype=float))
 
@@ -441,8 +429,6 @@ def _values(exchanges_of_slave: pd.DataFrame, slave: Slave) -> pd.DataFrame:
         {"slave": exchanges_of_slave["slave"].iloc[0], "sampled": sampled, "known": known}
     )
 
-
-# The simulation --------------------------------------------------------------------------------
 
 _USUAL = Transaction()
 
@@ -564,6 +550,10 @@ def simulate(
     return Run(channel.record, channel.time, transaction, leading, stations.all, changes)
 
 
+def _submit(leading: list[RunningMaster], command: Command) -> None:
+    leading[-1].submit(command)
+
+
 def _check_progress(channel: Channel, begun: int) -> None:
     """Raise ArgumentError if no cycle has begun since the last check, or schedule the next one."""
     if channel.begun == begun:
@@ -572,10 +562,6 @@ def _check_progress(channel: Channel, begun: int) -> None:
         )
     again = partial(_check_progress, channel, channel.begun)
     channel.schedule(channel.seconds + _PATIENCE, again)
-
-
-def _submit(leading: list[RunningMaster], command: Command) -> None:
-    leading[-1].submit(command)
 
 
 def _lead(channel: Channel, leading: list[RunningMaster], standby: Standby | None) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable
-from dataclasses import field
+from collections.abc import Iterable
+from dataclasses import KW_ONLY
 from enum import Enum
 from functools import cache
 from math import inf
@@ -40,9 +40,6 @@ WATCHDOG = 94.2e-3
 #: Longest time that a slave takes to store its address or ID code 1 [s]: Siemens,
 #: "IE/AS-INTERFACE LINK PN IO", manual, p. 169.
 WRITE_TIME = 15e-3
-
-
-# Labels ----------------------------------------------------------------------------------------
 
 
 def slave_key(label: str, name: str = "slave") -> tuple[int, Half | None]:
@@ -99,43 +96,26 @@ class Slave:
 
     label: str = text("Address, 1 to 31, followed by A or B for an A/B slave; 0 for a new slave")
     profile: Profile | str = ""
-    node: str = text("Node of the slave; required in a plan", default="", kw_only=True)
-    inputs: int = whole(0, 15, help="State of its input ports", default=0, kw_only=True)
-    current: float = number(
-        0, 10, "A", "Current from the line, including sensors", default=CURRENT, kw_only=True
-    )
+    _: KW_ONLY
+    node: str = text("Node of the slave; required in a plan", default="")
+    inputs: int = whole(0, 15, help="State of its input ports", default=0)
+    current: float = number(0, 10, "A", "Current from the line, including sensors", default=CURRENT)
     id1: int | None = whole(
         0,
         15,
-        help="Extended ID code 1 (up to 7 for an A/B slave; all bits set if omitted)",
+        "",
+        "Extended ID code 1; up to 7 for an A/B slave; all bits set if omitted",
         default=None,
         optional=True,
-        kw_only=True,
     )
     watchdog: float = number(
-        0,
-        inf,
-        "s",
-        "Time without data or parameters after which the slave resets itself",
-        default=WATCHDOG,
-        kw_only=True,
+        0, inf, "s", "Time without data or parameters until it resets itself", default=WATCHDOG
     )
-    channels: int = whole(
-        1,
-        CHANNELS,
-        help="Number of analogue values, if its profile transfers values",
-        default=1,
-        kw_only=True,
-    )
+    channels: int = whole(1, CHANNELS, "", "Number of values that it transfers", default=1)
     conversion: float = number(
-        0,
-        10,
-        "s",
-        "Time to convert an analogue value; manufacturers state 20 to 60 ms",
-        default=CONVERSION,
-        kw_only=True,
+        0, 10, "s", "Time to convert a value; makers state 20 to 60 ms", default=CONVERSION
     )
-    load: Load = field(default=DEVICE, kw_only=True)
+    load: Load = DEVICE
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -213,8 +193,6 @@ class Slave:
         return f"slave {self.label} at {self.node}" if self.node else f"slave {self.label}"
 
 
-# Requests as slaves read them ------------------------------------------------------------------
-
 #: Kinds of slave, by half: None for a standard slave, "A" or "B" for an A/B slave. The bits that
 #: carry four outputs to a standard slave carry three outputs and the select bit to an A/B slave.
 KINDS: tuple[Half | None, ...] = (None, "A", "B")
@@ -239,9 +217,6 @@ def as_read(bits: str, kind: int) -> Request | None:
     # At address 0 the select bit is ignored: a master does not know which slave is there.
     meant = request.address == 0 or request.half is None or request.half == KINDS[kind]
     return request if meant else None
-
-
-# Receive states --------------------------------------------------------------------------------
 
 
 class State(Enum):
@@ -284,8 +259,6 @@ TRANSITIONS = {
     (State.SYNCHRONOUS, Event.SLAVE_PAUSE): State.RECEIVE,
 }
 
-
-# The slave -------------------------------------------------------------------------------------
 
 #: Output and parameter bits after a reset: all set, with the ports switched off (AS2702, p. 13).
 DEFAULT = 0xF
@@ -436,7 +409,7 @@ class RunningSlave:
         if not everybody and (request.address != self.address or other_half):
             self._step(Event.FOREIGN)
             return None
-        data = OBEY[request.call](self, request.data, time)
+        data = self.obey(request.call, request.data, time)
         unanswered = Event.SILENT if request.call.rule.answer is None else Event.UNKNOWN
         self._step(Event.OWN if data != NONE else unanswered)
         return Response(data, request.call) if data != NONE else None
@@ -447,18 +420,44 @@ class RunningSlave:
             self.trips.append(float(self.fields["expires"]))
             self._settle()
 
-    def exchange(self, outputs: int, time: float) -> int:
-        """Carry out *data exchange* at `time` [s]; return the data of the response, or NONE."""
-        self.rest(time)
-        return int(exchange(self.states, self.place, outputs, time))
-
-    def _write_parameter(self, data: int, time: float) -> int:
-        if self.address == 0:
-            return NONE
-        self.rest(time)
-        self.parameter = data
-        self.fields["active"], self.fields["expires"] = True, time + self.fields["watchdog"]
-        return data
+    def obey(self, call: Call, data: int, time: float) -> int:
+        """Carry out a call at `time` [s]; return the data of the response, or NONE."""
+        extended = self.profile.id2
+        match call:
+            case Call.DATA_EXCHANGE:
+                self.rest(time)
+                return int(exchange(self.states, self.place, data, time))
+            case Call.WRITE_PARAMETER if self.address:
+                self.rest(time)
+                self.parameter = data
+                self.fields["active"], self.fields["expires"] = True, time + self.fields["watchdog"]
+                return data
+            case Call.ASSIGN_ADDRESS if self.address == 0 and not self._stores(time):
+                self.address = data
+                self._store(data, self.id1, time)
+                return Answer.DONE
+            case Call.WRITE_ID1 if extended is not None and self.address == 0:
+                if self._stores(time):
+                    return NONE
+                # The slave stays at address 0, and its stored address does not change.
+                self._store(self._stored[0], data, time)
+                return Answer.ERASED
+            case Call.DELETE_ADDRESS if self.address and not self._stores(time):
+                self.address = 0
+                self.fields["active"], self.fields["expires"] = False, inf
+                return Answer.ERASED
+            case Call.RESET | Call.BROADCAST_RESET:
+                self._settle()
+                return Answer.DONE if call is Call.RESET else NONE
+            case Call.READ_IO_CONFIGURATION:
+                return self.profile.io
+            case Call.READ_ID:
+                return self.profile.id
+            case Call.READ_ID1 | Call.READ_ID2 if extended is not None:
+                return self.id1 if call is Call.READ_ID1 else extended
+            case Call.READ_STATUS:
+                return self.status(time)
+        return NONE  # manufacturers lock the program mode, so no slave enters it
 
     def _stores(self, time: float) -> bool:
         return time < self._writing_until
@@ -467,51 +466,3 @@ class RunningSlave:
         self._stored, self.id1 = (address, id1), id1
         self.kind = self._kind()
         self._writing_until = time + WRITE_TIME
-
-    def _assign(self, data: int, time: float) -> int:
-        if self.address != 0 or self._stores(time):
-            return NONE
-        self.address = data
-        self._store(data, self.id1, time)
-        return Answer.DONE
-
-    def _write_id1(self, data: int, time: float) -> int:
-        if self.profile.id2 is None or self.address != 0 or self._stores(time):
-            return NONE
-        # The slave stays at address 0, and its stored address does not change.
-        self._store(self._stored[0], data, time)
-        return Answer.ERASED
-
-    def _delete(self, data: int, time: float) -> int:
-        if self.address == 0 or self._stores(time):
-            return NONE
-        self.address = 0
-        self.fields["active"], self.fields["expires"] = False, inf
-        return Answer.ERASED
-
-    def _reset(self, data: int, time: float) -> int:
-        self._settle()
-        return Answer.DONE
-
-    def _broadcast(self, data: int, time: float) -> int:
-        self._settle()
-        return NONE
-
-
-#: Functions that carry out the calls, in the order of `Call`, given the slave, data and time [s].
-#: Manufacturers lock the program mode, so no slave enters it.
-OBEY: tuple[Callable[[RunningSlave, int, float], int], ...] = (
-    RunningSlave.exchange,
-    RunningSlave._write_parameter,
-    RunningSlave._assign,
-    RunningSlave._write_id1,
-    RunningSlave._delete,
-    RunningSlave._reset,
-    lambda slave, data, time: slave.profile.io,
-    lambda slave, data, time: slave.profile.id,
-    lambda slave, data, time: NONE if slave.profile.id2 is None else slave.id1,
-    lambda slave, data, time: NONE if slave.profile.id2 is None else slave.profile.id2,
-    lambda slave, data, time: slave.status(time),
-    RunningSlave._broadcast,
-    lambda slave, data, time: NONE,
-)

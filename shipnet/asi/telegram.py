@@ -29,8 +29,6 @@ from shipnet.errors import (
 from shipnet.fields import check_choice, check_kind, check_whole
 from shipnet.lazy import Axes, pd
 
-# Calls ----------------------------------------------------------------------------------------
-
 
 class Answer(IntEnum):
     """Responses that the standard prescribes for every slave."""
@@ -157,8 +155,6 @@ class Call(IntEnum):
         "enter program mode", "10000011101", "enter program mode at address 0, without response"
     )
 
-
-# Telegrams ------------------------------------------------------------------------------------
 
 #: Number of bits of a master's request and of a slave's response.
 REQUEST_BITS, RESPONSE_BITS = 14, 7

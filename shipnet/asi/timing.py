@@ -9,6 +9,7 @@ cycle.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import KW_ONLY
 from functools import cache, lru_cache
 from typing import Any, Literal, NamedTuple
 
@@ -74,21 +75,12 @@ class Transaction:
     )
     slave_pause: float = number(0, 1e9, "bit times", "Pause after the response", default=2.0)
     bit_time: float = number(1e-12, 1e3, "s", "Length of a bit", default=BIT_TIME)
+    _: KW_ONLY
     unsynchronised: float = number(
-        0,
-        10,
-        "bit times",
-        "Additional delay of a slave that is not synchronised",
-        default=2.0,
-        kw_only=True,
+        0, 10, "bit times", "Additional delay of a slave that is not synchronised", default=2.0
     )
     timeout: float = number(
-        2,
-        24,
-        "bit times",
-        "How long the master waits for the start of a response",
-        default=10.0,
-        kw_only=True,
+        2, 24, "bit times", "How long the master waits for a response to begin", default=10.0
     )
 
     @property
@@ -170,8 +162,6 @@ class Transaction:
         return ax
 
 
-# Cycles ---------------------------------------------------------------------------------------
-
 #: Number of slave addresses: five bits without address 0.
 ADDRESSES = 31
 
@@ -230,25 +220,19 @@ class Cycle:
     """
 
     slaves: int = whole(0, 2 * ADDRESSES, help="Number of slaves n", default=ADDRESSES)
+    _: KW_ONLY
     pairs: int | None = whole(
         0,
         ADDRESSES,
-        help="Number of addresses that two slaves share; by default the minimum",
+        "",
+        "Addresses that two slaves share; by default the minimum",
         default=None,
         optional=True,
-        kw_only=True,
     )
-    transaction: Transaction = part(
-        Transaction, "One exchange", default=Transaction(), kw_only=True
-    )
-    inclusion: int = whole(
-        0, 1, help="Number i of requests per cycle to find new slaves", default=1, kw_only=True
-    )
+    transaction: Transaction = part(Transaction, "One exchange", default=Transaction())
+    inclusion: int = whole(0, 1, "", "Number i of requests per cycle to find slaves", default=1)
     delays: tuple[tuple[float, ...], ...] = part(
-        tuple,
-        "One-way delays of the repeaters before the slaves [s], by address",
-        default=(),
-        kw_only=True,
+        tuple, "One-way delays of the repeaters before the slaves [s], by address", default=()
     )
 
     def __post_init__(self) -> None:
@@ -412,9 +396,6 @@ def polling_cycle(
     pairs, delayed = sum(len(group) > 1 for group in groups), any(map(any, groups))
     options: dict[str, Any] = {"pairs": pairs, "delays": groups if delayed else ()}
     return Cycle(len(groups) + pairs, transaction=transaction or Transaction(), **options)
-
-
-# Values of more than four bits -----------------------------------------------------------------
 
 
 # An exchange transfers four bits, so an analogue value is sent in pieces; each type of transfer

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from shipnet.arrays import Floats
+from shipnet.can.dbc import parse_dbc
 from shipnet.can.faults import ErrorBound
 from shipnet.can.frame import hexadecimal
 from shipnet.can.lengths import Octets
@@ -23,6 +24,7 @@ from shipnet.can.response import Assignment, Assumptions, ResponseTimes, audsley
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
+from shipnet.tables import read_bytes, text_of
 
 
 def read_messages(
@@ -113,7 +115,9 @@ def read_messages(
             return log.messages(period=period)
         except ArgumentError as problem:
             raise InputError(str(file), str(problem)) from None
-    return read_list(file, columns, period, strict)
+    if file.suffix.lower() == ".dbc":
+        return parse_dbc(text_of(read_bytes(file)), str(file), period, strict)
+    return read_list(file, columns, period)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

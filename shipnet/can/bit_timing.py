@@ -9,7 +9,6 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet import datasets
 from shipnet.arrays import Floats
@@ -105,6 +104,7 @@ def bit_timings(
     prescaler, quanta, prs, phs1, phs2, sjw = columns[:, legal]
     once = prescaler == 1
     sample = (1 + prs + phs1 - once) / quanta
+    error_frame, ten_bits = phs2 / (2 * (13 * quanta - phs2)), sjw / (20 * quanta)
     order = np.lexsort((-sjw, -quanta, np.abs(sample - wanted).round(12)))
     table = pd.DataFrame(
         {
@@ -116,13 +116,15 @@ def bit_timings(
             "phs2": phs2,
             "sjw": sjw,
             "sample_point_percent": 100 * sample,
-            "canbt1": _hex(prescaler - 1 << 1),
-            "canbt2": _hex(sjw - 1 << 5 | prs - 1 << 1),
-            "canbt3": _hex(phs2 - 1 << 4 | phs1 - 1 << 1 | ~once),
-            "oscillator_tolerance_percent": 100 * oscillator_tolerance(quanta, phs1, phs2, sjw),
+            "canbt1": prescaler - 1 << 1,
+            "canbt2": sjw - 1 << 5 | prs - 1 << 1,
+            "canbt3": phs2 - 1 << 4 | phs1 - 1 << 1 | ~once,
+            "oscillator_tolerance_percent": 100 * np.minimum(error_frame, ten_bits),
             "longest_bus_m": np.maximum(prs * prescaler / hertz / 2 - loop, 0) / _DELAY,
         }
     )
+    registers = ["canbt1", "canbt2", "canbt3"]
+    table[registers] = table[registers].map("0x{:02X}".format)
     return table.iloc[order].reset_index(drop=True)
 
 
@@ -149,23 +151,12 @@ def longest_bus(bit_rate: float) -> float:
     >>> longest_bus(125e3), longest_bus(100e3)
     (500.0, 500.0)
     """
-    return _longest_bus(check_bit_rate(bit_rate))
+    rates, lengths = _published()
+    return float(lengths[rates >= check_bit_rate(bit_rate)].max())
 
 
 @cache
-def _longest_bus(rate: float) -> float:
-    table = datasets.read("can_bus_lengths.csv").astype({"length_m": float})
-    rates = table["bit_rate_kbit_per_s"].astype(float) * 1e3
-    return float(table.loc[rates >= rate, "length_m"].max())
-
-
-def oscillator_tolerance(
-    quanta: npt.ArrayLike, phs1: npt.ArrayLike, phs2: npt.ArrayLike, sjw: npt.ArrayLike
-) -> Floats:
-    """Return the largest relative clock error that legal settings tolerate."""
-    n, one, two, jump = (np.asarray(value, dtype=float) for value in (quanta, phs1, phs2, sjw))
-    return np.asarray(np.minimum(np.minimum(one, two) / (2 * (13 * n - two)), jump / (20 * n)))
-
-
-def _hex(values: npt.NDArray[np.integer]) -> list[str]:
-    return [f"0x{value:02X}" for value in values]
+def _published() -> tuple[Floats, Floats]:
+    """Return published bit rates [bit/s] and bus lengths [m]."""
+    table = datasets.read("can_bus_lengths.csv")[["bit_rate_kbit_per_s", "length_m"]].astype(float)
+    return table["bit_rate_kbit_per_s"].to_numpy() * 1e3, table["length_m"].to_numpy()

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -210,21 +210,20 @@ class _Line:
             self._read(order[begin : begin + CHUNK]) for begin in range(0, len(order) or 1, CHUNK)
         ]
         back = np.argsort(order)
-        again = np.concatenate([second for _, second in parts])[back]
-        columns = zip(*(part for part, _ in parts), strict=True)
-        rows = _Rows(*(np.concatenate(column)[back] for column in columns))
+        *columns, again = (np.concatenate(column)[back] for column in zip(*parts, strict=True))
+        rows = _Rows(*columns)
         if self.cut and rows.error[0]:
             rows.error[0] = LengthError.code
         return rows, again
 
-    def _read(self, chosen: Indices) -> tuple[_Rows, Bools]:
-        """Decode the chosen frames, which are sorted by their number of edges."""
+    def _read(self, chosen: Indices) -> tuple[npt.NDArray[Any], ...]:
+        """Return the columns of the chosen frames, which are sorted by their number of edges."""
         bits, misfit, doubt = self.receive(chosen, 1.0)
         rows = self.rows(chosen, bits[:, misfit.argmin(axis=0), np.arange(len(chosen))])
         again = np.zeros(len(chosen), dtype=bool)
         left = np.flatnonzero((rows.error > 0) & doubt)
         if not len(left) or self.bit >= _CLEAR:
-            return rows, again
+            return *rows, again
         # An edge half a bit off is ambiguous: try slightly fast and slow clocks, best fit first.
         tried = [self.receive(chosen[left], clock) for clock in _CLOCKS]
         ways = np.concatenate([bits for bits, _, _ in tried], axis=1)
@@ -237,7 +236,7 @@ class _Line:
             for name in _Rows._fields:
                 getattr(rows, name)[left[todo[right]]] = getattr(retried, name)[right]
             again[left[todo[right]]] = True
-        return rows, again
+        return *rows, again
 
 
 def _found_rate(file: str, edges: Edges) -> float:
@@ -264,19 +263,12 @@ def _found_rate(file: str, edges: Edges) -> float:
     if not right([*(rate for rate in _RATES if abs(guess / rate - 1) < 0.05), guess]):
         right(_RATES)
     if not tried:
-        raise _too_few(file, guess, edges.dt)
+        return guess
     best = max(tried, key=lambda rate: tried[rate][0])
     if best == guess and tried[best][0]:
         right([tried[best][1]])
         best = max(tried, key=lambda rate: tried[rate][0])
     return best
-
-
-def _too_few(file: str, rate: float, dt: float) -> InputError:
-    return InputError(
-        file,
-        f"it has {1 / (rate * dt):.2g} samples per bit at {rate / 1e3:.4g} kbit/s; 2 are needed",
-    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -319,11 +311,10 @@ class Capture:
         frame), and ``none``, ``mean`` and ``worst`` (`frame_length` with this stuffing).
         """
         right = self._table[self._table["error"] == "ok"]
-        size = np.where(self.log.remote, 0, np.minimum(self.log.dlc, 8))
         measured = float(right["bits"].sum())
         bits = {"measured": measured, "with intermission": measured + 3.0 * len(right)}
         for stuffing in ("none", "mean", "worst"):
-            lengths = frame_length(size, stuffing=stuffing, extended=self.log.extended)
+            lengths = frame_length(self.log.sizes, stuffing=stuffing, extended=self.log.extended)
             bits[stuffing] = float(lengths.sum())
         table = pd.DataFrame({"bits": bits}).rename_axis("length")
         table["load"] = table["bits"] / (self.bit_rate * self.duration)
@@ -421,7 +412,11 @@ def read_capture(
     edges = read_edges(file, channel=channel, sample_interval=sample_interval)
     rate = bit_rate or _found_rate(str(file), edges)
     if 1 / (rate * edges.dt) < _FEWEST:
-        raise _too_few(str(file), rate, edges.dt)
+        raise InputError(
+            str(file),
+            f"it has {1 / (rate * edges.dt):.2g} samples per bit at {rate / 1e3:.4g} kbit/s; "
+            "2 are needed",
+        )
     line = _Line(edges, 1 / (rate * edges.dt))
     if len(line.first) > _FRAMES:
         raise InputError(str(file), f"it has more than {_FRAMES} frames; save a part of the record")

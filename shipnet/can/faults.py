@@ -3,23 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TypeAlias
 
-from shipnet.clock import Fault, nanoseconds
+from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_fields, number, record, whole
 
-__all__ = ["ERROR_BITS", "BitErrors", "ErrorAt", "ErrorBound"]
+__all__ = ["BitErrors", "ErrorAt", "ErrorBound"]
 __dir__ = __all__.copy
-
-#: Published costs of an error in addition to the retransmission [bit], for `ErrorBound.bits`. Here
-#: a frame includes its intermission of 3 bits; Broster et al. exclude it, so their 29 bits are 26
-#: here. ``least`` is the sum of two error flags of 6 bits and a delimiter of 8 bits.
-ERROR_BITS: Mapping[str, int] = MappingProxyType(
-    {"Tindell 1995": 31, "Davis 2007": 31, "Broster 2002": 26, "least": 20}
-)
 
 
 @record
@@ -59,8 +50,10 @@ class ErrorBound:
 
     Notes
     -----
-    The default cost of 31 bits is from [1]_. To reproduce the tables of [2]_, use
-    ``bits=ERROR_BITS["Broster 2002"]`` and ``Assumptions(intermission="between")``.
+    The default cost of 31 bits is from [1]_. Here a frame includes its intermission of 3 bits; [2]_
+    excludes it, so that its 29 bits are 26 here. To reproduce its tables, use ``bits=26`` and
+    ``Assumptions(intermission="between")``. The least cost, of two error flags of 6 bits and a
+    delimiter of 8 bits, is 20.
 
     References
     ----------
@@ -71,8 +64,8 @@ class ErrorBound:
 
     Examples
     --------
-    >>> ErrorBound(interval=0.1, burst=2).count(0.25)
-    4
+    >>> ErrorBound(interval=0.1, burst=2)
+    ErrorBound(interval=0.1, burst=2, bits=31)
     """
 
     interval: float = number(
@@ -83,8 +76,7 @@ class ErrorBound:
         17,
         31,
         "bit",
-        "Cost of an error in addition to sending the frame again; `ERROR_BITS` "
-        "contains the values of published analyses",
+        "Cost of an error in addition to sending the frame again",
         default=31,
         kw_only=True,
     )
@@ -96,12 +88,6 @@ class ErrorBound:
                 f"interval is {self.interval:g} s and burst is {self.burst}; interval must be "
                 "1e-6..1e5 s with a burst of 1 or more, or inf"
             )
-
-    def count(self, time: float) -> int:
-        """Return the largest number of errors in an interval of positive length `time` [s]."""
-        if self.interval == math.inf:
-            return self.burst
-        return self.burst - 1 - -nanoseconds(time) // nanoseconds(self.interval)
 
 
 Simulated: TypeAlias = BitErrors | ErrorAt

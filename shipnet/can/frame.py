@@ -61,11 +61,6 @@ def hexadecimal(number: int, extended: bool) -> str:
     return f"0x{number:0{8 if extended else 3}X}"
 
 
-def payload(dlc: int, remote: bool = False) -> int:
-    """Return the number of data bytes in a frame with this data length code."""
-    return 0 if remote else min(dlc, 8)
-
-
 def stuffed_region(n_bytes: int, extended: bool) -> int:
     """Return the number of bits of a frame that are subject to stuffing, without stuff bits."""
     return sum(map(len, HEADS[extended].values())) + 8 * n_bytes + CRC_BITS
@@ -174,7 +169,7 @@ class Frame:
         if self.remote and data:
             raise ArgumentError(f"data has {len(data)} bytes, but a remote frame carries none")
         dlc = len(data) if self.dlc is None else check_whole("dlc", self.dlc, 0, 15)
-        if len(data) != payload(dlc, self.remote):
+        if len(data) != (0 if self.remote else min(dlc, 8)):
             raise ArgumentError(f"dlc is {dlc}, but data has {len(data)} bytes")
         object.__setattr__(self, "arbitration_id", number)
         object.__setattr__(self, "data", data)
@@ -214,10 +209,6 @@ class Frame:
     def length(self) -> int:
         """Number of bits on the bus, including stuff bits and the 3 bits of intermission."""
         return len(self.bits) + INTERMISSION
-
-    def frame_time(self, bit_rate: float) -> float:
-        """Return the duration of the frame and its intermission [s]."""
-        return self.length / check_bit_rate(bit_rate)
 
     @property
     def stuff_bits(self) -> int:
@@ -259,54 +250,6 @@ class Frame:
         return f"{number}#{content}" + (f"_{self.dlc:X}" if self.dlc > 8 else "")
 
 
-class _Line:
-    """A receiver's position in the bits of a frame, and the bits read, without stuff bits."""
-
-    def __init__(self, bits: str) -> None:
-        self.bits, self.position = bits, 0
-        self.last, self.run, self.read = "", 0, ""
-
-    def raw(self, field: str) -> str:
-        """Return the next bit, which may be a stuff bit."""
-        if self.position >= len(self.bits):
-            raise LengthError(f"the bits end before bit {self.position}, in the {field}")
-        bit = self.bits[self.position]
-        if bit not in "01":
-            raise SymbolError(f"bit {self.position}, {field}: {bit!r} is neither 0 nor 1")
-        self.run = self.run + 1 if bit == self.last else 1
-        self.last = bit
-        self.position += 1
-        return bit
-
-    def skip_stuff_bit(self, field: str) -> None:
-        """Read a stuff bit if one is due."""
-        if self.run == RUN:
-            bit = self.raw(field)
-            if self.run > RUN:
-                what = f"a sixth {bit} in a row instead of a stuff bit"
-                raise self.fault(StuffError, field, what)
-
-    def take(self, field: str, length: int) -> str:
-        """Read and return the bits of a field, without stuff bits."""
-        taken = ""
-        for _ in range(length):
-            self.skip_stuff_bit(field)
-            taken += self.raw(field)
-        self.read += taken
-        return taken
-
-    def fault(self, kind: type[FrameError], field: str, what: str) -> FrameError:
-        """Return the error for the bit that was read last."""
-        return kind(f"bit {self.position - 1}, {field}: {what}")
-
-    def reserved(self, field: str) -> None:
-        """Read a reserved bit; raise an error if it is recessive."""
-        if self.take(field, 1) == "1":
-            raise self.fault(
-                FormError, field, "recessive, but dominant in classic CAN; is it CAN FD?"
-            )
-
-
 def decode(bits: str) -> Frame:
     """Decode the frame at the beginning of a string of bits.
 
@@ -346,34 +289,67 @@ def decode(bits: str) -> Frame:
         ...
     shipnet.errors.StuffError: bit 22, data: a sixth 0 in a row instead of a stuff bit
     """
-    line = _Line(bits)
-    if line.take("SOF", 1) == "1":
-        raise line.fault(StartBitError, "SOF", "recessive; a frame starts with a dominant bit")
-    number = line.take("base identifier", 11)
-    remote = line.take("RTR or SRR", 1)
-    extended = line.take("IDE", 1) == "1"
+    position, run, last, read = 0, 0, "", ""
+
+    def fault(kind: type[FrameError], field: str, what: str) -> FrameError:
+        """Return the error for the bit that was read last."""
+        return kind(f"bit {position - 1}, {field}: {what}")
+
+    def raw(field: str) -> str:
+        """Return the next bit, which may be a stuff bit."""
+        nonlocal position, run, last
+        if position >= len(bits):
+            raise LengthError(f"the bits end before bit {position}, in the {field}")
+        bit = bits[position]
+        if bit not in "01":
+            raise SymbolError(f"bit {position}, {field}: {bit!r} is neither 0 nor 1")
+        run = run + 1 if bit == last else 1
+        last, position = bit, position + 1
+        return bit
+
+    def skip_stuff_bit(field: str) -> None:
+        """Read a stuff bit if one is due."""
+        if run == RUN and raw(field) and run > RUN:
+            raise fault(StuffError, field, f"a sixth {last} in a row instead of a stuff bit")
+
+    def take(field: str, length: int = 1) -> str:
+        """Read and return the bits of a field, without stuff bits; a reserved bit is dominant."""
+        nonlocal read
+        for _ in range(length):
+            skip_stuff_bit(field)
+            read += raw(field)
+        if field in ("r0", "r1") and last == "1":
+            what = "recessive, but dominant in classic CAN; is it CAN FD?"
+            raise fault(FormError, field, what)
+        return read[len(read) - length :]
+
+    if take("SOF") == "1":
+        raise fault(StartBitError, "SOF", "recessive; a frame starts with a dominant bit")
+    number = take("base identifier", 11)
+    remote = take("RTR or SRR")
+    extended = take("IDE") == "1"
     if extended:
         if remote == "0":
-            raise line.fault(FormError, "IDE", "recessive after a dominant SRR")
-        number += line.take("identifier extension", 18)
-        remote = line.take("RTR", 1)
-        line.reserved("r1")
-    line.reserved("r0")
-    dlc = int(line.take("DLC", 4), 2)
-    data = line.take("data", 8 * payload(dlc, remote == "1"))
-    expected = crc_of(line.read)
-    received = int(line.take("CRC sequence", CRC_BITS), 2)
-    line.skip_stuff_bit("CRC sequence")
+            raise fault(FormError, "IDE", "recessive after a dominant SRR")
+        number += take("identifier extension", 18)
+        remote = take("RTR")
+        take("r1")
+    take("r0")
+    dlc = int(take("DLC", 4), 2)
+    data = take("data", 0 if remote == "1" else 8 * min(dlc, 8))
+    expected = crc_of(read)
+    received = int(take("CRC sequence", CRC_BITS), 2)
+    skip_stuff_bit("CRC sequence")
     if received != expected:
         what = f"received {received:#06x}, but computed {expected:#06x}"
-        raise line.fault(CrcError, "CRC sequence", what)
+        raise fault(CrcError, "CRC sequence", what)
     for field, fixed in TAIL:
         for index, right in enumerate(fixed, start=1):
-            if line.raw(field) == right or (field == "EOF" and index == len(fixed)):
+            if raw(field) == right or (field == "EOF" and index == len(fixed)):
                 continue
             if field == "ACK slot":
-                raise line.fault(AcknowledgeError, field, "recessive; no receiver acknowledged")
-            raise line.fault(FormError, field, "dominant instead of recessive")
+                raise fault(AcknowledgeError, field, "recessive; no receiver acknowledged")
+            raise fault(FormError, field, "dominant instead of recessive")
     content = int(data, 2).to_bytes(len(data) // 8, "big") if data else b""
     return Frame(int(number, 2), content, extended, remote == "1", dlc)
 

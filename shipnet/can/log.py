@@ -116,6 +116,11 @@ class Log:
         """Key of each frame's message: twice the identifier, plus 1 if extended."""
         return np.asarray(self.arbitration_id << 1 | self.extended)
 
+    @property
+    def sizes(self) -> Integers:
+        """Number of data bytes of each frame."""
+        return np.where(self.remote, 0, np.minimum(self.dlc, 8))
+
     def __len__(self) -> int:
         return len(self.time)
 
@@ -147,12 +152,11 @@ class Log:
     def table(self) -> pd.DataFrame:
         """Return one row per frame."""
         text = self.data.tobytes().hex(" ", 8).split() if len(self) else []
-        size = np.where(self.remote, 0, np.minimum(self.dlc, 8))
         table = pd.DataFrame(dict(zip([*_KINDS][:6], self.columns, strict=False)))
         keys, frames = np.unique(self.keys, return_inverse=True)
         names = [hexadecimal(key >> 1, key & 1) for key in keys.tolist()]
         table["arbitration_id"] = np.array(names, dtype=object)[frames]
-        table["data"] = [octets[: 2 * n] for octets, n in zip(text, size, strict=True)]
+        table["data"] = [octets[: 2 * n] for octets, n in zip(text, self.sizes, strict=True)]
         return table.rename(columns={"time": "time_s"})
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -226,7 +230,7 @@ class Log:
                 f"the log has {number} frame{'s' * (number != 1)} in {span:.3g} s; a message set "
                 "requires at least two, whose time stamps are 47 us apart or more on average"
             )
-        keys, size = self.keys, np.where(self.remote, 0, np.minimum(self.dlc, 8))
+        keys, size = self.keys, self.sizes
         times = {key: np.sort(self.time[keys == key]) for key in np.unique(keys).tolist()}
         patterns = {key: _pattern(when, span, self.step) for key, when in times.items()}
         if period:

@@ -1,7 +1,6 @@
 """Readers of CAN logs in the formats candump, Yacht Devices RAW, CSV, ASC, BLF and TRC.
 
-Records become rows, which `_Records.add` checks. python-can is used for ASC and TRC files, but not
-for BLF, because its BLF reader may never finish on a damaged file.
+Records become rows, which `_Records.add` checks. python-can reads ASC, BLF and TRC files.
 """
 
 from __future__ import annotations
@@ -10,25 +9,24 @@ import io
 import os
 import re
 import zlib
+from array import array
 from base64 import b64decode
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from functools import partial
-from math import nan
+from math import isnan, nan
 from pathlib import Path
-from struct import error as StructError
 from struct import unpack_from
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.can.dbc import one_line
 from shipnet.can.log import Log, impossible
-from shipnet.can.messages import one_line
 from shipnet.errors import InputError, load_extra
 
-_ROWS = 1 << 16  #: Number of rows kept as Python objects; more rows are packed into an array.
 _FAULTS = 1000  #: Largest number of faults recorded per file.
 
 #: Kinds of valid records other than classic CAN frames, and data lengths used only by CAN FD.
@@ -36,9 +34,9 @@ _FD, _ERROR, _FD_SIZES = "CAN FD frame", "error frame", (12, 16, 20, 24, 32, 48,
 
 
 class _Row(NamedTuple):
-    """A record; `time` [s] is None if missing, and `kind` is empty for a classic CAN frame."""
+    """A record; `time` [s] is NaN if missing, and `kind` is empty for a classic CAN frame."""
 
-    time: float | None
+    time: float
     channel: str
     number: int
     extended: bool
@@ -48,64 +46,48 @@ class _Row(NamedTuple):
     kind: str = ""
 
 
-#: Columns of a log, and the position of each frame in the file.
-_COLUMNS = np.dtype(
-    [
-        ("time", float),
-        ("channel", object),
-        ("arbitration_id", np.int64),
-        ("extended", bool),
-        ("remote", bool),
-        ("dlc", np.uint8),
-        ("data", "S8"),
-        ("position", np.int64),
-    ]
-)
-
-
 class _Records:
     """The records read from a file so far; a position is a line or frame number, as `unit` says."""
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
-        self.rows: list[tuple[Any, ...]] = []
-        self.packed: list[npt.NDArray[np.void]] = []
+        # Columns of the frames, in little memory, and the position of each frame in the file.
+        self.time, self.number, self.position = array("d"), array("q"), array("q")
+        self.extended, self.remote, self.dlc, self.data = (bytearray() for _ in range(4))
+        self.channel: list[str] = []
         self.skipped: list[tuple[float, str, str]] = []
         self.faults: list[tuple[int, str]] = []
         self.more = 0
 
-    def fault(self, position: int, why: str, where: str = "") -> None:
+    def fault(self, position: int, why: str) -> None:
         """Record a fault at a position."""
         if len(self.faults) < _FAULTS:
-            self.faults.append((position, f"{where or f'{self.unit} {position}'}: {why}"))
+            self.faults.append((position, f"{self.unit} {position}: {why}"))
         else:
             self.more += 1
 
     def add(self, position: int, row: _Row) -> None:
         """Add a row to the frames, to the skipped records or, if it is illegal, to the faults."""
-        time = nan if row.time is None else row.time
-        if row.kind:
-            self.skipped.append((time, row.channel, row.kind))
-            return
-        checked = 0.0 if row.time is None else time
-        why = impossible(checked, row.number, row.extended, row.dlc, row.remote, len(row.data))
-        if why:
+        time, channel, number, extended, remote, dlc, data, kind = row
+        if kind:
+            self.skipped.append((time, channel, kind))
+        elif why := impossible(
+            0.0 if isnan(time) else time, number, extended, dlc, remote, len(data)
+        ):
             self.fault(position, why)
-            return
-        self.rows.append((time, *row[1:7], position))
-        if len(self.rows) == _ROWS:
-            self.pack()
+        else:
+            self.time.append(time)
+            self.number.append(number)
+            self.position.append(position)
+            self.channel.append(channel)
+            self.extended.append(extended)
+            self.remote.append(remote)
+            self.dlc.append(dlc)
+            self.data += data.ljust(8, b"\0")
 
-    def pack(self) -> None:
-        """Move the rows into an array, which takes less memory."""
-        self.packed.append(np.array(self.rows, dtype=_COLUMNS))
-        self.rows = []
-
-    def log(self) -> tuple[Log, int]:
-        """Return the log, and the number of faults that it does not list."""
-        self.pack()
-        frames = np.concatenate(self.packed)
-        time, channel = frames["time"], frames["channel"].astype(str)
+    def log(self) -> Log:
+        """Return the log."""
+        time, channel = np.array(self.time), np.array(self.channel, dtype=str)
         without = np.isnan(time)
         bad = without & ~without.all()
         for name in np.unique(channel) if np.any(np.diff(time) < 0) else ():
@@ -113,22 +95,19 @@ class _Records:
             bad[on_channel[_out_of_order(time[on_channel])]] = True
         for at in np.flatnonzero(bad):
             why = f"the time {time[at]} s is out of order on {channel[at]}"
-            position = int(frames["position"][at])
-            self.fault(position, "it has no time, but others do" if without[at] else why)
-        frames, channel = frames[~bad], channel[~bad]
-        data = np.ascontiguousarray(frames["data"]).view(np.uint8).reshape(-1, 8)
-        log = Log(
-            frames["time"],
-            channel,
-            frames["arbitration_id"],
-            frames["extended"],
-            frames["remote"],
-            frames["dlc"],
-            data,
+            self.fault(self.position[at], "it has no time, but others do" if without[at] else why)
+        good = ~bad
+        return Log(
+            time[good],
+            channel[good],
+            np.array(self.number)[good],
+            np.array(self.extended, dtype=bool)[good],
+            np.array(self.remote, dtype=bool)[good],
+            np.array(self.dlc, dtype=np.uint8)[good],
+            np.array(self.data, dtype=np.uint8).reshape(-1, 8)[good],
             tuple(why for _, why in sorted(self.faults)),
             tuple(self.skipped),
         )
-        return log, self.more
 
 
 def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
@@ -159,10 +138,11 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     ----------
     path : str or path-like
         A log written by ``candump -l`` or printed by candump, a RAW log of Yacht Devices, a CSV
-        file from python-can or SavvyCAN, or a BLF, ASC or TRC file; ASC and TRC require
+        file from python-can or SavvyCAN, or an ASC, BLF or TRC file; these three require
         python-can. The format is recognised by content, or otherwise by suffix.
     keep : bool, default False
-        True to keep the readable frames of a damaged file; `Log.faults` lists what is missing.
+        True to keep the readable frames of a damaged file; `Log.faults` lists what is missing. A
+        BLF file that is cut off or whose containers are damaged is refused all the same.
 
     Returns
     -------
@@ -204,13 +184,12 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
                 "is an MDF (MF4) file, which cannot be read; convert it to ASC or BLF with asammdf "
                 "or the software of the logger",
             )
-        readers = {"text": _read_text, "blf": _read_blf}
-        records = readers.get(kind, partial(_read_foreign, kind))(file)
+        records = _read_text(file) if kind == "text" else _read_foreign(kind, file)
     except OSError as problem:
         raise InputError(str(path), f"cannot be read: {problem.strerror}") from None
-    log, more = records.log()
+    log = records.log()
     if log.faults and not keep:
-        raise InputError(str(path), *log.faults, more=more)
+        raise InputError(str(path), *log.faults, more=records.more)
     return log
 
 
@@ -272,7 +251,7 @@ _DIGITS = re.compile(r"(?:0[xX])?[0-9A-Fa-f]{1,16}")
 
 
 def _read_text(file: Path) -> _Records:
-    records = _Records("line")
+    records, days, last = _Records("line"), 0, 0.0
     parse: Callable[[str], _Row] = _candump
     with open(file, "rb") as stream:
         for position, line in enumerate(stream, start=1):
@@ -283,11 +262,16 @@ def _read_text(file: Path) -> _Records:
                 parse = table
                 continue
             if parse is _candump and _RAW.match(text):
-                parse = _raw_parser()
+                parse = _raw
             try:
-                records.add(position, parse(text))
+                row = parse(text)
             except (ValueError, KeyError) as problem:
                 records.fault(position, str(problem))
+                continue
+            if parse is _raw:  # midnight has passed if the clock is set back
+                days, last = days + (row.time < last - 43_200), row.time
+                row = row._replace(time=round(86_400 * days + last, 6))
+            records.add(position, row)
     return records
 
 
@@ -300,8 +284,15 @@ def _candump(line: str) -> _Row:
         )
     has = match.groupdict()
     number, extended = int(has["id"], 16), len(has["id"]) == 8
-    channel = has["channel"] or "can0"
-    time = None if has["time"] is None else _seconds(has["time"])
+    channel, stamp, time = has["channel"] or "can0", has["time"], nan
+    if stamp and re.match(r"\d{4}-\d\d-\d\d ", stamp):
+        time = datetime.fromisoformat(stamp).replace(tzinfo=UTC).timestamp()
+    elif stamp:
+        if not _DECIMAL.fullmatch(stamp.strip()):
+            raise ValueError(
+                f"the time is {_shown(stamp)}; it must be a number of seconds or a date"
+            )
+        time = float(stamp)
     kind, remote = "", bool(has["ask"])
     if extended and number >> 29 == 1:
         kind = _ERROR
@@ -310,11 +301,11 @@ def _candump(line: str) -> _Row:
     if kind:
         return _Row(time, channel, number, extended, False, 0, b"", kind)
     if has["size"]:
-        dlc, rest = int(has["size"]), has["rest"].strip()
-        remote = rest == "remote request"
-        octets = [] if remote else rest.split()
+        dlc, text = int(has["size"]), has["rest"].strip()
+        remote = text == "remote request"
+        octets = [] if remote else text.split()
         if any(not re.fullmatch("[0-9A-Fa-f]{2}", octet) for octet in octets):
-            raise ValueError(f"expected data bytes such as 01 2A, got {_shown(rest)}")
+            raise ValueError(f"expected data bytes such as 01 2A, got {_shown(text)}")
         data = bytes(int(octet, 16) for octet in octets)
     else:
         data = bytes.fromhex(has["data"] or "")
@@ -322,49 +313,31 @@ def _candump(line: str) -> _Row:
     return _Row(time, channel, number, extended, remote, dlc, data)
 
 
-def _raw_parser() -> Callable[[str], _Row]:
-    """Return a parser for the lines of a RAW log; midnight has passed if the clock is set back."""
-    days, last = 0, 0.0
-
-    def parse(line: str) -> _Row:
-        nonlocal days, last
-        match = _RAW.fullmatch(line)
-        if match is None:
-            raise ValueError(
-                f"{_shown(line)} is not a frame; expected hh:mm:ss.mmm R identifier data"
-            )
-        hours, minutes, seconds, number, octets = match.groups()
-        clock = 3600.0 * int(hours) + 60 * int(minutes) + float(seconds)
-        days += clock < last - 43_200
-        last = clock
-        data = bytes.fromhex(octets)
-        time = round(86_400 * days + clock, 6)
-        return _Row(time, "bus", int(number, 16), True, False, len(data), data)
-
-    return parse
-
-
-def _seconds(text: str) -> float:
-    """Return the time [s] of a candump time stamp, a number of seconds or a UTC date."""
-    if re.match(r"\d{4}-\d\d-\d\d ", text):
-        return datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()
-    if not _DECIMAL.fullmatch(text.strip()):
-        raise ValueError(f"the time is {_shown(text)}; it must be a number of seconds or a date")
-    return float(text)
+def _raw(line: str) -> _Row:
+    """Return the record in a line of a RAW log, with the time of the day."""
+    match = _RAW.fullmatch(line)
+    if match is None:
+        raise ValueError(f"{_shown(line)} is not a frame; expected hh:mm:ss.mmm R identifier data")
+    hours, minutes, seconds, number, octets = match.groups()
+    data = bytes.fromhex(octets)
+    time = 3600.0 * int(hours) + 60 * int(minutes) + float(seconds)
+    return _Row(time, "bus", int(number, 16), True, False, len(data), data)
 
 
 def _table(line: str) -> Callable[[str], _Row] | None:
     """Return a parser for the rows below a title row, or None if the line is not a title row."""
     for separator in (mark for mark in ",;\t" if mark in line):
         titles = [re.sub(r"[\W_]", "", title).lower() for title in line.split(separator)]
-        if {"timestamp", "arbitrationid", "extended", "remote", "dlc", "data"} <= set(titles):
-            return partial(_cells, titles, separator, _python_can_row)
-        if {"timestamp", "id", "extended", "len", "d1"} <= set(titles):
-            return partial(_cells, titles, separator, _savvycan_row)
+        for needed, row in (
+            ({"timestamp", "arbitrationid", "extended", "remote", "dlc", "data"}, _python_can_row),
+            ({"timestamp", "id", "extended", "len", "d1"}, _savvycan_row),
+        ):
+            if needed <= set(titles):
+                return partial(_table_row, titles, separator, row)
     return None
 
 
-def _cells(
+def _table_row(
     titles: list[str], separator: str, row: Callable[[dict[str, str]], _Row], line: str
 ) -> _Row:
     cells = [cell.strip().strip('"') for cell in line.split(separator)]
@@ -423,236 +396,147 @@ def _shown(text: str) -> str:
 _ASC_FRAME = re.compile(r"\d+\.\d+\s+\d+\s+[0-9a-fA-F]+x?\s")
 
 #: Marks the end of an ASC header; without it, python-can would drop the first frame.
-_ASC_BODY = "no internal events logged\n"
+_ASC_BODY = "no internal events logged"
 
 #: Types of lines in a TRC file: error frames, and other lines that are not frames.
 _TRC_ERRORS, _TRC_OTHERS = {"ER", "Error"}, {"ST", "EC", "EV", "Warng", "FFFFFFFF"}
 
 
-class _Lines(io.TextIOWrapper):
-    """A text file that counts its lines, and reports lines in which no frame was found."""
+class _Lines(io.StringIO):
+    """The lines of a text file for python-can; `unused` gets the lines without a frame."""
 
-    def __init__(self, binary: Any, asc: bool, unused: Callable[[int, str], None]) -> None:
-        super().__init__(binary, "utf-8-sig", errors="replace")
-        self.line, self.text, self.asc, self.unused = 0, "", asc, unused
-        self.in_body, self.kept, self.ended = False, "", False
+    def __init__(self, file: Path, asc: bool, unused: Callable[[int, str], None]) -> None:
+        super().__init__()
+        text = file.read_text("utf-8-sig", errors="replace")
+        self.lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
+        self.lines.reverse()
+        self.number, self.text, self.unused = 0, "", unused
+        self.in_body = not asc
 
     def __next__(self) -> str:  # type: ignore[override] # io's stubs say bytes
-        if self.kept:
-            self.text, self.kept = self.kept, ""
-            return self.text
-        self.flush_line()
-        while True:
-            try:
-                text = super().__next__()
-            except StopIteration:
-                self.ended = True
-                raise
-            self.line += 1
-            if text.strip():
-                break
-        if self.asc and not self.in_body and text.lstrip()[:1].isdigit():
-            self.in_body, self.kept = True, text
-            return _ASC_BODY
-        self.text = text
-        return text
-
-    def flush_line(self) -> None:
-        """Report the last line, unless a frame was found in it."""
         if self.text:
-            self.unused(self.line, self.text.strip())
+            self.unused(self.number, self.text)
         self.text = ""
+        if not self.lines:
+            raise StopIteration
+        if not self.in_body and self.lines[-1][1].lstrip()[:1].isdigit():
+            self.in_body = True
+            return _ASC_BODY
+        self.number, self.text = self.lines.pop()
+        return self.text
 
 
 def _read_foreign(kind: str, file: Path) -> _Records:
-    """Read an ASC or TRC file with python-can."""
+    """Read an ASC, BLF or TRC file with python-can."""
     can = load_extra("can", "python-can")
+    if kind == "blf":
+        return _read_blf(can, file)
     records, asc = _Records("line"), kind == "asc"
 
     def unused(position: int, text: str) -> None:
+        text = text.strip()
         words = set(text.split()[:6])
-        if asc and _ASC_FRAME.match(text):
-            records.fault(position, f"{_shown(text)} is not an ASC frame")
-        elif asc or text[0] == ";" or words & _TRC_OTHERS:
-            return
-        elif words & _TRC_ERRORS:
+        if not asc and words & _TRC_ERRORS:
             records.skipped.append((nan, "bus", _ERROR))
-        else:
-            records.fault(position, f"{_shown(text)} is not a TRC frame")
+        elif _ASC_FRAME.match(text) if asc else text[0] != ";" and not words & _TRC_OTHERS:
+            records.fault(position, f"{_shown(text)} is not {'an ASC' if asc else 'a TRC'} frame")
 
-    with open(file, "rb") as binary:
-        stream = _Lines(binary, asc, unused)
-        reader = can.ASCReader(stream) if asc else can.TRCReader(stream)
-        messages = iter(reader)
-        while True:
-            try:
-                message = next(messages)
-            except StopIteration:
-                break
-            # A reader may raise any exception, after which its iterator cannot continue.
-            except Exception as problem:
-                records.fault(stream.line, one_line(problem))
-                if stream.ended:
-                    break
-                stream.text, stream.in_body = "", False
-                messages = iter(reader)
-                continue
-            # For ASC, python-can converts length codes 9..15 to numbers of bytes, as in CAN FD.
-            dlc = can.util.len2dlc(message.dlc) if asc else message.dlc
-            records.add(stream.line, _row(message, dlc))
-            stream.text = ""
+    lines = _Lines(file, asc, unused)
+    reader = can.ASCReader(lines) if asc else can.TRCReader(lines)
+    more = True
+    while more:
+        try:
+            for message in reader:
+                # For ASC, python-can converts length codes 9..15 to bytes, as in CAN FD.
+                dlc = can.util.len2dlc(message.dlc) if asc else message.dlc
+                records.add(lines.number, _row(message, dlc))
+                lines.text = ""
+            more = False
+        # A reader may raise any exception, after which a new iterator can continue.
+        except Exception as problem:
+            records.fault(lines.number, one_line(problem))
+            more = bool(lines.text or lines.lines)
+            lines.text, lines.in_body = "", not asc
     return records
 
 
 def _row(message: Any, dlc: int) -> _Row:
     """Convert a message of python-can to a row."""
-    kind = _ERROR if message.is_error_frame else _FD if message.is_fd else ""
-    channel = "bus" if message.channel is None else str(message.channel)
     return _Row(
         message.timestamp,
-        channel,
+        "bus" if message.channel is None else str(message.channel),
         message.arbitration_id,
         message.is_extended_id,
         message.is_remote_frame,
         dlc,
         bytes(message.data),
-        kind,
+        _ERROR if message.is_error_frame else _FD if message.is_fd else "",
     )
 
 
-#: Types of BLF objects: containers, all frames, error frames, and two forms of CAN FD frames.
-_CONTAINER, _FRAMES, _ERRORS, _FD_FORM, _FD_LONG = 10, (1, 86, 73, 100, 101), 73, 100, 101
+#: Types of BLF objects: containers, and all frames.
+_CONTAINER, _FRAMES = 10, (1, 73, 86, 100, 101)
 
-#: Largest container and object [byte], and largest ratio of the unpacked size to the file size.
-#: Identical frames, which compress best, reach half that ratio.
-_LARGEST, _LARGEST_OBJECT, _RATIO = 1 << 24, 1 << 20, 20
+#: Largest ratio of the unpacked size to the file size, and what is always allowed [byte]. Identical
+#: frames, which compress best, reach half that ratio.
+_RATIO, _LARGEST = 20, 1 << 20
 
 
-def _read_blf(file: Path) -> _Records:
+def _read_blf(can: Any, file: Path) -> _Records:
+    """Read a BLF file; refuse what python-can would read forever or leave out without a word."""
     records, data = _Records("frame"), file.read_bytes()
-    start = int.from_bytes(data[4:8], "little")
-    if not 144 <= start <= len(data):
-        records.fault(
-            0, f"the header length is {start}; expected 144..{len(data)}", "after frame 0"
-        )
-        return records
-    size, count, tail = int.from_bytes(data[16:24], "little"), 0, b""
+    size, left, inner = int.from_bytes(data[16:24], "little"), _RATIO * len(data) + _LARGEST, []
     if size > len(data):
-        records.fault(0, f"it has only {len(data)} of {size} bytes; it is cut off", "the file")
-    year, month, _, day, hour, minute, second, ms = unpack_from("<8H", data, 40)
-    try:
-        at = datetime(year, month, day, hour, minute, second, 1000 * ms, tzinfo=UTC)
-        begin = at.timestamp()
-    except ValueError:  # all zeros: there is no date
-        begin = 0.0
-    left = _RATIO * len(data) + _LARGEST_OBJECT
-
-    def fault(why: str) -> None:
-        records.fault(count, why, f"after frame {count}")
-
-    objects = _Objects(data, start, len(data), fault)
-    for kind, whole in objects:
+        raise InputError(str(file), f"it has only {len(data)} of {size} bytes; it is cut off")
+    frames = 0
+    for kind, part in _objects(file, data, int.from_bytes(data[4:8], "little")):
+        frames += kind in _FRAMES
         if kind == _CONTAINER:
-            inner = tail + _unpacked(whole, min(left, _LARGEST), fault)
-            left -= len(inner) - len(tail)
-        else:
-            inner = tail + whole
-        parts = _Objects(inner, 0, _LARGEST_OBJECT, fault)
-        for part_kind, part in parts:
-            if part_kind in _FRAMES:
-                count += 1
-                try:
-                    records.add(count, _object_row(part_kind, part, begin))
-                except StructError:
-                    records.fault(count, f"a frame object of {len(part)} bytes cannot be decoded")
-        tail = inner[parts.position :]
-        if left <= 0:
-            fault(f"the containers unpack to more than {_RATIO} times the file size")
-            break
-    if tail or objects.position < len(data):
-        fault("the end of the file is cut off")
+            inner.append(_unpacked(file, part, left))
+            left -= len(inner[-1])
+    frames += sum(kind in _FRAMES for kind, _ in _objects(file, b"".join(inner), 0))
+    count = 0
+    try:
+        with open(file, "rb") as stream:
+            for count, message in enumerate(can.BLFReader(stream), 1):
+                # In some objects, python-can converts length codes 9..15 to bytes, as in CAN FD.
+                code = can.util.len2dlc(message.dlc) if 15 < message.dlc <= 64 else message.dlc
+                records.add(count, _row(message, code))
+    except Exception as problem:
+        records.fault(count + 1, one_line(problem))
+    if count < frames and not records.faults:
+        records.fault(count + 1, f"only {count} of {frames} frames can be read")
     return records
 
 
-def _object_row(kind: int, part: bytes, begin: float) -> _Row:
-    """Return a frame or an error frame of a BLF file whose time stamps count from `begin` [s]."""
-    version, unit, stamp = unpack_from("<6xH8xI4xQ", part)
-    if version not in (1, 2):
-        raise StructError
-    time, body = begin + stamp * (1e-5 if unit == 1 else 1e-9), 24 + 8 * version
-    fd = 0
-    if kind == _FD_LONG:
-        channel, dlc, size, number, flags = unpack_from("<BBBxI4xI24x", part, body)
-        data, remote, fd = part[body + 40 :], flags & 0x10, flags & 0x1000
-    elif kind == _FD_FORM:
-        form = "<HBBI5xBB5x64s"
-        channel, flags, dlc, number, fd, size, data = unpack_from(form, part, body)
-        remote, fd = flags & 0x80, fd & 1
-    else:
-        channel, flags, dlc, number, data = unpack_from("<HBBI8s", part, body)
-        size, remote = dlc, flags & 0x80
-    return _Row(
-        time,
-        str(channel - 1),
-        number & 0x1FFFFFFF,
-        number >> 31 == 1,
-        bool(remote),
-        dlc,
-        b"" if remote else data[:size],
-        _ERROR if kind == _ERRORS else _FD if fd else "",
-    )
+def _objects(file: Path, data: bytes, position: int) -> Iterator[tuple[int, bytes]]:
+    """Yield the type and the bytes of each BLF object."""
+    while len(data) - position >= 16 or data[position:].strip(b"\0"):
+        # Objects are padded to a multiple of four bytes.
+        at = data.find(b"LOBJ", position, position + 8)
+        if at < 0 or at + 16 > len(data):
+            raise InputError(str(file), f"is damaged: no object begins at byte {position}")
+        size, kind = unpack_from("<2I", data, at + 8)
+        position = at + size
+        if size < 16 or position > len(data):
+            raise InputError(str(file), f"is damaged: an object has an illegal length of {size}")
+        yield kind, data[at:position]
 
 
-class _Objects:
-    """Iterator over the types and bytes of BLF objects; the next search starts at `position`."""
-
-    def __init__(self, data: bytes, position: int, most: int, fault: Callable[[str], None]) -> None:
-        self.data, self.position, self.most, self.fault = data, position, most, fault
-
-    def __iter__(self) -> Iterator[tuple[int, bytes]]:
-        data = self.data
-        while True:
-            # Objects are padded to a multiple of four bytes.
-            at = data.find(b"LOBJ", self.position, self.position + 8)
-            if at < 0:
-                if len(data) - self.position < 8:
-                    self.position = (
-                        len(data) if not data[self.position :].strip(b"\0") else self.position
-                    )
-                    return
-                self.fault("no object begins here")
-                at = data.find(b"LOBJ", self.position)
-                if at < 0:
-                    self.position = len(data)
-                    return
-            self.position = at
-            if at + 16 > len(data):
-                return
-            size, kind = unpack_from("<2I", data, at + 8)
-            if not 16 <= size <= self.most:
-                self.fault(f"an object has an illegal length of {size} bytes")
-                self.position = at + 4
-                continue
-            if at + size > len(data):
-                return
-            self.position = at + size
-            yield kind, data[at : at + size]
-
-
-def _unpacked(container: bytes, most: int, fault: Callable[[str], None]) -> bytes:
+def _unpacked(file: Path, container: bytes, most: int) -> bytes:
     """Return the content of a container, of which at most `most` bytes are unpacked."""
-    method = int.from_bytes(container[16:18], "little")
+    method, data = int.from_bytes(container[16:18], "little"), container[32:]
     if method == 0:
-        return container[32:]
-    if method != 2:
-        fault(f"a container uses the unknown compression method {method}")
-        return b""
+        return data
     stream = zlib.decompressobj()
     try:
-        data = stream.decompress(container[32:], max(1, most))
+        data = stream.decompress(data, max(1, most)) if method == 2 else b""
     except zlib.error as problem:
-        fault(f"a container cannot be unpacked: {problem}")
-        return b""
+        raise InputError(str(file), f"is damaged: {problem}") from None
     if not stream.eof:
-        fault(f"a container is cut off, or unpacks to more than {most} bytes")
+        raise InputError(
+            str(file),
+            f"a container is cut off, packed by an unknown method ({method}), or unpacks to more "
+            f"than {_RATIO} times the size of the file",
+        )
     return data

@@ -7,7 +7,6 @@ with 0x.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
@@ -24,7 +23,7 @@ from shipnet.arrays import Floats, Indices, Integers
 from shipnet.can.frame import check_bit_rate, hexadecimal, highest_id
 from shipnet.can.lengths import Stuffing, length_table
 from shipnet.clock import nanoseconds
-from shipnet.errors import ArgumentError, InputError, load_extra
+from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import (
     Number,
     Switch,
@@ -42,7 +41,7 @@ from shipnet.fields import (
 from shipnet.lazy import pd
 from shipnet.lists import Cells, Words, widened
 from shipnet.signals import plain
-from shipnet.tables import Sheet, csv_text, parse_sheet, read_bytes, read_sheet, text_of
+from shipnet.tables import Sheet, csv_text, parse_sheet, read_sheet
 
 T = TypeVar("T")
 
@@ -402,7 +401,11 @@ class MessageSet(Named[Message]):
                 message.name,
                 message.hex_id,
                 message.dlc,
-                *(_milliseconds(getattr(message, time)) for time in TIMES),
+                # Decimal milliseconds, to the nanosecond.
+                *(
+                    f"{Decimal(nanoseconds(getattr(message, time))).scaleb(-6).normalize():f}"
+                    for time in TIMES
+                ),
                 "yes" if message.extended else "no",
                 message.sender,
                 message.bits,
@@ -509,15 +512,13 @@ def example(name: Literal["engine", "lee2012"] = "engine") -> MessageSet:
     check_choice("name", name, ("engine", "lee2012"))
     if name == "engine":
         return MessageSet.parse(EXAMPLE)
-    return read_list(Path(datasets.path("synthetic_can_lee2012.csv")), None, None, True)
+    return read_list(Path(datasets.path("synthetic_can_lee2012.csv")))
 
 
 def read_list(
-    path: Path, columns: Mapping[str, str] | None, period: float | None, strict: bool
+    path: Path, columns: Mapping[str, str] | None = None, period: float | None = None
 ) -> MessageSet:
-    """Return the messages in a CSV, Excel or DBC file."""
-    if path.suffix.lower() == ".dbc":
-        return parse_dbc(text_of(read_bytes(path)), str(path), period, strict)
+    """Return the messages in a CSV file or Excel workbook."""
     own = {title.strip(): column for title, column in (columns or {}).items()}
     sheet = read_sheet(path, is_titles=_Messages.score(tuple(own.items())), what=_WHAT)
     titles = {plain(title) for title in sheet.titles}
@@ -529,106 +530,6 @@ def read_list(
             legal = ", ".join((*COLUMNS, "note"))
             raise ArgumentError(f"columns has {column!r}; it must be one of {legal}")
     return _from_sheet(sheet, own, period)
-
-
-#: Limits of a DBC file, beyond which cantools needs seconds and gigabytes: bytes of a message (1785
-#: in J1939) and of all messages, and multiplexer values of all signals.
-_LARGEST, _LARGEST_SUM, _MOST_VALUES = 1785, 500_000, 65_536
-
-
-def _refuse_large(text: str, source: str) -> None:
-    """Raise an error if a DBC file contains numbers so large that cantools would take too long."""
-    plain = re.sub(r'"(?:\\"|[^"])*"|//[^\n]*', " ", text)
-    lengths = [float(n) for n in re.findall(r"\bBO_\s+\d+\s+\w+\s*:\s*(\d+)", plain)]
-    bits = [float(n) for pair in re.findall(r":\s*(\d+)\s*\|\s*(\d+)", plain) for n in pair]
-    ranges = re.findall(r"(\d+)\s*-\s*(\d+)", plain)
-    values = [float(end) - float(start) for start, end in ranges]
-    for what, value, most in (
-        ("the length of a message in bytes", max(lengths, default=0), _LARGEST),
-        ("the length of all messages in bytes", sum(lengths), _LARGEST_SUM),
-        ("the place of a signal in bits", max(bits, default=0), 8 * _LARGEST),
-        ("the number of multiplexer values", sum(values), _MOST_VALUES),
-    ):
-        if not value <= most:
-            raise InputError(source, f"{what} is {value:g}; it must be at most {most}")
-
-
-def parse_dbc(
-    text: str, source: str, period: float | None = None, strict: bool = True
-) -> MessageSet:
-    """Read the messages in the text of a DBC file with cantools."""
-    cantools = load_extra("cantools", "cantools")
-    _refuse_large(text, source)
-    try:
-        database = cantools.database.load_string(text, database_format="dbc", strict=False)
-    # cantools may raise any exception.
-    except Exception as problem:
-        raise InputError(source, f"is not a DBC file: {one_line(problem)}") from None
-    messages, faults, overlooked = [], [], []
-    protocol = database.dbc.attributes.get("ProtocolType")
-    marked = protocol is not None and str(protocol.value) in ("J1939", "NMEA2000")
-    any_source = [
-        one.name
-        for one in database.messages
-        if one.is_extended_frame and (marked or one.protocol == "j1939")
-    ]
-    for entry in database.messages:
-        where = f"message {entry.name!r}"
-        try:
-            entry.refresh(strict=True)
-        except Exception as problem:
-            overlooked.append(f"{where}: {one_line(problem)}")
-        try:
-            if entry.length > 8:
-                raise ArgumentError(
-                    f"has {entry.length} bytes; a frame of classic CAN has at most 8. List the "
-                    "frames of a fast packet or transport protocol in a CSV file"
-                )
-            message = Message(
-                entry.name,
-                entry.frame_id,
-                entry.length,
-                _cycle_time(entry.cycle_time, period),
-                # cantools omits Vector__XXX, which marks a message without a sender.
-                extended=entry.is_extended_frame,
-                sender=entry.senders[0] if entry.senders else "",
-            )
-        except ArgumentError as fault:
-            faults.append(f"{where}{'' if str(fault).startswith('has ') else ':'} {fault}")
-        else:
-            messages.append((where, message))
-    if strict:
-        faults += [f"{fault}; strict=False accepts the message" for fault in overlooked]
-        return _checked(source, messages, faults, "has no message", any_source)
-    twice = dict(set_faults(message for _, message in messages))
-    faults += [f"{messages[number][0]}: {why}" for number, why in twice.items()]
-    kept = [entry for number, entry in enumerate(messages) if number not in twice]
-    if not kept:
-        return _checked(source, [], faults, "has no message")
-    return MessageSet(
-        (message for _, message in kept), overlooked=[*overlooked, *faults], any_source=any_source
-    )
-
-
-def _cycle_time(cell: object, period: float | None) -> float:
-    """Return a message's cycle time in a DBC file [s], or `period` if the file gives none."""
-    try:
-        cycle = float(str(cell or 0)) / 1e3
-    except ValueError:
-        raise ArgumentError(f"cycle time is {cell!r}; it must be a number of ms") from None
-    if cycle:
-        return cycle
-    if period is None:
-        raise ArgumentError(
-            "has no cycle time; give one with --period on the command line or period= in Python"
-        )
-    return period
-
-
-def one_line(problem: Exception) -> str:
-    """Return the text of an exception on one line."""
-    text = " ".join(str(problem).split())
-    return (text if len(text) <= 150 else text[:147] + "...") or type(problem).__name__
 
 
 def _from_sheet(sheet: Sheet, own: Mapping[str, str], period: float | None) -> MessageSet:
@@ -686,25 +587,3 @@ def _identifier(cell: str, is_hex: bool) -> tuple[int, bool]:
     if not 0 <= number <= highest_id(True):
         raise ValueError
     return number, number > 0xFFFF or (base == 16 and len(bare) == 8)
-
-
-def _checked(
-    source: str,
-    found: list[tuple[str, Message]],
-    faults: list[str],
-    empty: str,
-    any_source: Iterable[str] = (),
-) -> MessageSet:
-    """Return the messages found in a file as a set, or raise an error that lists all faults."""
-    messages = [message for _, message in found]
-    faults += [f"{found[number][0]}: {why}" for number, why in set_faults(messages)]
-    if not messages and not faults:
-        faults = [empty]
-    if faults:
-        raise InputError(source, *faults)
-    return MessageSet(messages, any_source=any_source)
-
-
-def _milliseconds(time: float) -> str:
-    """Return a time [s] as text: decimal milliseconds, to the nanosecond."""
-    return f"{Decimal(nanoseconds(time)).scaleb(-6).normalize():f}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
@@ -37,37 +38,17 @@ _NARROW = 3
 
 
 def plot_fields(
-    bits: str,
-    stuffed: set[int],
-    fields: Sequence[tuple[str, int, int]],
-    ax: Axes | None,
+    bits: str, stuffed: set[int], fields: Sequence[tuple[str, int, int]], ax: Axes | None
 ) -> Axes:
     """Draw bits as rows of cells, with the line level above; a field is (name, start, length)."""
     width, ax = _BITS_PER_ROW, style.axes(ax)
     colours = [_COLOURS.get(name, "frame") for name, _, length in fields for _ in range(length)]
     for index, (bit, colour) in enumerate(zip(bits, colours, strict=True)):
         row, x = divmod(index, width)
-        is_stuff = index in stuffed
-        ax.add_patch(
-            Rectangle(
-                (x, -row * _PITCH),
-                1,
-                1,
-                facecolor=style.FIELD["pause" if is_stuff else colour],
-                edgecolor="0.6",
-                linewidth=0.4,
-                hatch="////" if is_stuff else None,
-            )
-        )
-        ax.text(
-            x + 0.5,
-            0.47 - row * _PITCH,
-            bit,
-            ha="center",
-            va="center",
-            family="monospace",
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4} if is_stuff else None,
-        )
+        kind = "pause" if index in stuffed else colour
+        look = {"facecolor": style.FIELD[kind], "edgecolor": "0.6", "linewidth": 0.4}
+        box = {"facecolor": "white", "pad": 0.4}
+        _cell(ax, (x, -row * _PITCH), 1, 0.47, bit, index in stuffed, look, box)
     for name, start, length in fields:
         _outline(ax, name, start, length, width)
     rows = -(-len(bits) // width)
@@ -101,14 +82,8 @@ def _outline(ax: Axes, name: str, start: int, length: int, width: int) -> None:
         )
     begin, size = max(pieces, key=lambda piece: piece[1])
     row, x = divmod(begin, width)
-    ax.text(
-        x + size / 2,
-        -0.12 - row * _PITCH,
-        _SHORT.get(name, name),
-        ha="center",
-        va="top",
-        rotation=90 if size < _NARROW else 0,
-    )
+    place, rotation = (x + size / 2, -0.12 - row * _PITCH), 90 if size < _NARROW else 0
+    ax.text(*place, _SHORT.get(name, name), ha="center", va="top", rotation=rotation)
 
 
 def plot_contest(
@@ -129,17 +104,8 @@ def plot_contest(
         end = last if stopped is None else min(last, stopped)
         _bits(ax, bits[: end + 1], stuffed, row)
         if end == stopped:
-            ax.add_patch(
-                Rectangle(
-                    (stopped, row - 0.34),
-                    1,
-                    0.68,
-                    facecolor="none",
-                    edgecolor=style.LIMIT["color"],
-                    linewidth=2,
-                    zorder=3,
-                )
-            )
+            corner, red = (stopped, row - 0.34), style.LIMIT["color"]
+            ax.add_patch(Rectangle(corner, 1, 0.68, fc="none", ec=red, linewidth=2, zorder=3))
             ax.hlines(row, stopped + 1, last + 1, color="0.5", linestyle=":", linewidth=1.2)
     (winner,) = (stuffed for _, _, stuffed, stopped in senders if stopped is None)
     _bits(ax, bus[: last + 1], winner, rows + 0.35)
@@ -161,28 +127,30 @@ def _bits(ax: Axes, bits: str, stuffed: set[int], row: float) -> None:
     """Draw bits as a row of cells."""
     for index, bit in enumerate(bits):
         dominant, is_stuff = bit == "0", index in stuffed
-        recessive_colour = "white" if is_stuff else style.FIELD["address"]
-        ax.add_patch(
-            Rectangle(
-                (index, row - 0.34),
-                1,
-                0.68,
-                facecolor="#2b6ca3" if dominant else recessive_colour,
-                edgecolor="0.75" if dominant and is_stuff else "0.5",
-                linewidth=0.6,
-                hatch="////" if is_stuff else None,
-            )
-        )
-        ax.text(
-            index + 0.5,
-            row,
-            bit,
-            ha="center",
-            va="center",
-            family="monospace",
-            color="white" if dominant else "black",
-            zorder=4,
-            bbox={"facecolor": "#2b6ca3" if dominant else "white", "edgecolor": "none", "pad": 0.6}
-            if is_stuff
-            else None,
-        )
+        recessive = "white" if is_stuff else style.FIELD["address"]
+        look = {
+            "facecolor": "#2b6ca3" if dominant else recessive,
+            "edgecolor": "0.75" if dominant and is_stuff else "0.5",
+            "linewidth": 0.6,
+        }
+        box = {"facecolor": "#2b6ca3" if dominant else "white", "pad": 0.6}
+        text = {"color": "white" if dominant else "black", "zorder": 4}
+        _cell(ax, (index, row - 0.34), 0.68, 0.34, bit, is_stuff, look, box, **text)
+
+
+def _cell(
+    ax: Axes,
+    corner: tuple[float, float],
+    height: float,
+    middle: float,
+    bit: str,
+    is_stuff: bool,
+    look: dict[str, Any],
+    box: dict[str, Any],
+    **text: Any,
+) -> None:
+    """Draw a bit in its cell; a stuff bit is hatched, with a box behind its text."""
+    ax.add_patch(Rectangle(corner, 1, height, hatch="////" if is_stuff else None, **look))
+    text |= {"ha": "center", "va": "center", "family": "monospace"}
+    bbox = {"edgecolor": "none", **box} if is_stuff else None
+    ax.text(corner[0] + 0.5, corner[1] + middle, bit, bbox=bbox, **text)

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import MutableSequence, Sequence
-from functools import cached_property
+from collections.abc import Iterable, MutableSequence, Sequence
 from itertools import chain
 from typing import Any, Literal, NamedTuple, TypeAlias
 
@@ -68,8 +67,7 @@ _DAVIS = Assumptions()  #: The assumptions by default.
 _MOST = 200_000
 
 Column: TypeAlias = MutableSequence[int]
-#: What `all_instances` returns.
-Found: TypeAlias = tuple[Sequence[int], Sequence[float], Sequence[int], Sequence[int]]
+Ticks: TypeAlias = Sequence[int]
 
 
 @compiled
@@ -155,14 +153,7 @@ def instances(
 
 @compiled
 def all_instances(
-    C: Sequence[int],
-    T: Sequence[int],
-    J: Sequence[int],
-    tau: int,
-    burst: int,
-    interval: int,
-    error: int,
-    most: int,
+    C: Ticks, T: Ticks, J: Ticks, tau: int, burst: int, interval: int, error: int, most: int
 ) -> tuple[list[int], list[int], list[int], list[int]]:
     """Return B and t of each message, the R of all, and where each message's R end."""
     blocking: list[int] = []
@@ -207,10 +198,7 @@ class Bus(NamedTuple):
 
 
 def on_bus(
-    messages: MessageSet,
-    bit_rate: float,
-    assumptions: Assumptions | None,
-    errors: ErrorBound,
+    messages: MessageSet, bit_rate: float, assumptions: Assumptions | None, errors: ErrorBound
 ) -> Bus:
     """Return a message set at a given bit rate, with its times converted to ticks."""
     exact = check_bit_rate(bit_rate)
@@ -311,65 +299,36 @@ class ResponseTimes(Named[ResponseTime]):
     (0.00216, False, ['A'])
     """
 
-    def __init__(self, messages: MessageSet, bus: Bus, times: Found, bit_rate: float) -> None:
-        self._messages, self._bus, self._found = messages, bus, times
+    def __init__(self, items: Iterable[ResponseTime], bit_rate: float) -> None:
+        self._items = tuple(items)
         self.bit_rate = float(bit_rate)
-
-    @cached_property
-    def _items(self) -> tuple[ResponseTime, ...]:  # type: ignore[override] # it is never set
-        (blocking, busy, R, ends), second = self._found, self._bus.second
-        items, first = [], 0
-        for message, frame, deadline, extra, B, t, end in zip(
-            self._messages,
-            self._bus.C,
-            self._bus.D,
-            self._bus.extra,
-            blocking,
-            busy,
-            ends,
-            strict=True,
-        ):
-            responses: Sequence[float] = R[first:end] or [math.inf]
-            longest, first = max(responses) + extra, end
-            items.append(
-                ResponseTime(
-                    message,
-                    frame / second,
-                    B / second,
-                    t / second if t >= 0 else math.inf if t < 0 else math.nan,
-                    tuple([(ticks + extra) / second for ticks in responses]),
-                    longest / second,
-                    longest <= deadline,
-                )
-            )
-        return tuple(items)
 
     @property
     def met(self) -> bool:
         """True if every message meets its deadline."""
-        return all(one.met for one in self._items)
+        return all(item.met for item in self._items)
 
     def utilisation(self) -> Utilisation:
         """Return the bus load, and the largest sum of a message's period and response time."""
-        load = sum(one.frame_time / one.message.period for one in self)
-        waits = (one.message.period + one.response for one in self)
+        load = sum(item.frame_time / item.message.period for item in self)
+        waits = (item.message.period + item.response for item in self)
         return Utilisation(load, load, max(waits, default=math.nan))
 
     @property
     def late(self) -> list[str]:
         """Names of the messages that may miss their deadlines, highest priority first."""
-        return [one.message.name for one in self._items if not one.met]
+        return [item.message.name for item in self._items if not item.met]
 
     @property
     def critical(self) -> str:
         """Name of the message with the highest response-to-deadline ratio; "" if there is none."""
-        worst = max(self, key=lambda one: one.response / one.message.deadline, default=None)
+        worst = max(self, key=lambda item: item.response / item.message.deadline, default=None)
         return "" if worst is None else worst.message.name
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the messages, highest priority first."""
-        return tuple(one.message.name for one in self)
+        return tuple(item.message.name for item in self)
 
     def __repr__(self) -> str:
         late = f"{len(self.late)} late" if self.late else "all in time"
@@ -378,19 +337,19 @@ class ResponseTimes(Named[ResponseTime]):
 
     def table(self) -> pd.DataFrame:
         """Return one row per message, indexed by name, including the bus load that it causes."""
-        messages = [one.message for one in self._items]
+        messages = [item.message for item in self._items]
         table = pd.DataFrame(
             {
                 "arbitration_id": [message.hex_id for message in messages],
-                "frame_ms": [one.frame_time * 1e3 for one in self],
-                "blocking_ms": [one.blocking * 1e3 for one in self],
-                "busy_period_ms": [one.busy_period * 1e3 for one in self],
-                "instances": [len(one.instances) for one in self],
-                "response_ms": [one.response * 1e3 for one in self],
+                "frame_ms": [item.frame_time * 1e3 for item in self],
+                "blocking_ms": [item.blocking * 1e3 for item in self],
+                "busy_period_ms": [item.busy_period * 1e3 for item in self],
+                "instances": [len(item.instances) for item in self],
+                "response_ms": [item.response * 1e3 for item in self],
                 "deadline_ms": [message.deadline * 1e3 for message in messages],
-                "slack_ms": [one.slack * 1e3 for one in self],
-                "met": pd.Series([one.met for one in self], dtype=bool),
-                "load_percent": [100 * one.frame_time / one.message.period for one in self],
+                "slack_ms": [item.slack * 1e3 for item in self],
+                "met": pd.Series([item.met for item in self], dtype=bool),
+                "load_percent": [100 * item.frame_time / item.message.period for item in self],
             }
         )
         table.index = pd.Index(self.names, name="name", dtype=object)
@@ -410,16 +369,7 @@ class ResponseTimes(Named[ResponseTime]):
             if which.any():
                 ax.plot(response[which], y[which], look, label=f"response, {label}")
         if len(table):
-            ax.plot(
-                deadline,
-                y,
-                linestyle="none",
-                marker="|",
-                markersize=14,
-                markeredgewidth=2.5,
-                color=red,
-                label="deadline",
-            )
+            ax.plot(deadline, y, "|", ms=14, mew=2.5, color=red, label="deadline")
             style.legend(ax)
         for row in y[~finite]:
             ax.text(right, float(row), "no bound", ha="right", va="bottom")
@@ -504,17 +454,38 @@ def response_times(
     if offsets and ((faults and faults.burst) or (assumptions and not assumptions.own_jitter)):
         raise ArgumentError("offsets is True; it requires own_jitter and allows no faults")
     bus = on_bus(messages, bit_rate, assumptions, faults or NO_ERRORS)
-    times: Found = all_instances.run(bus.steps, *bus.terms)
-    if offsets:
-        times = _with_offsets(bus, messages, times)
-    return ResponseTimes(messages, bus, times, bit_rate)
+    blocking, busy, R, ends = all_instances.run(bus.steps, *bus.terms)
+    busy_periods: Sequence[float] = busy
+    if offsets and (longest := _with_offsets(bus, messages)):
+        R, ends = longest, [*range(1, len(longest) + 1)]
+        busy_periods = [math.nan] * len(longest)
+    items, first, second = [], 0, bus.second
+    for message, C, D, extra, B, t, end in zip(
+        messages, bus.C, bus.D, bus.extra, blocking, busy_periods, ends, strict=True
+    ):
+        # A busy period of -1 never ends.
+        responses: list[float] = [ticks + extra for ticks in R[first:end]]
+        responses = responses or [math.inf]
+        worst, first = max(responses), end
+        items.append(
+            ResponseTime(
+                message,
+                C / second,
+                B / second,
+                math.inf if t < 0 else t / second if t >= 0 else math.nan,
+                tuple(ticks / second for ticks in responses),
+                worst / second,
+                worst <= D,
+            )
+        )
+    return ResponseTimes(items, bit_rate)
 
 
-def _with_offsets(bus: Bus, messages: MessageSet, without: Found) -> Found:
-    """Return the response times, taking account of the offsets between each sender's messages."""
-    nanoseconds_of = messages.times[3].tolist()
+def _with_offsets(bus: Bus, messages: MessageSet) -> list[int] | None:
+    """Return the longest response times with offsets [tick]; None if clocks are too long."""
     offsets = [
-        time * bus.second // 10**9 % T for time, T in zip(nanoseconds_of, bus.T, strict=True)
+        time * bus.second // 10**9 % T
+        for time, T in zip(messages.times[3].tolist(), bus.T, strict=True)
     ]
     rows = (bus.T, bus.C, bus.J, offsets)
     tick = math.gcd(bus.tau, *chain.from_iterable(rows))
@@ -524,14 +495,10 @@ def _with_offsets(bus: Bus, messages: MessageSet, without: Found) -> Found:
             np.array([time // tick for time in row], dtype=np.int64) for row in rows
         )
         streams = Streams(period, frame, jitter, offset, clock, tau=bus.tau // tick)
-        ticks = longest_responses(streams)
+        longest = longest_responses(streams)
     except OverflowError:
-        ticks = None
-    if ticks is None:
-        return without
-    number = len(messages)
-    longest = [value * tick for value in ticks]
-    return without[0], [math.nan] * number, longest, range(1, number + 1)
+        return None
+    return longest and [value * tick for value in longest]
 
 
 class Assignment(NamedTuple):
@@ -612,16 +579,11 @@ def audsley(
     while level >= 0:
         for index in range(level, -1, -1):
             move(index, level)
-            if _in_time(bus, level):
+            _, t, R = instances.run(bus.steps, 0, level, *bus.terms)
+            if t >= 0 and max(R) + bus.extra[level] <= bus.D[level]:
                 break
             move(level, index)
         else:
             break
         level -= 1
     return Assignment(messages.ordered(names), level < 0, tuple(names[: level + 1]))
-
-
-def _in_time(bus: Bus, m: int) -> bool:
-    """Return True if a message always meets its deadline."""
-    _, t, R = instances.run(bus.steps, 0, m, *bus.terms)
-    return t >= 0 and max(R) + bus.extra[m] <= bus.D[m]

@@ -182,16 +182,9 @@ class Run:
             return table["message"].astype(object).map(lane)
 
         def bars(table: pd.DataFrame, end: str, colour: str, label: str) -> None:
-            ax.barh(
-                rows(table),
-                table[end] - table["start_ms"],
-                left=table["start_ms"],
-                height=0.6,
-                color=colour,
-                edgecolor="white",
-                linewidth=0.5,
-                label=label,
-            )
+            y, begin = rows(table), table["start_ms"]
+            width = table[end] - begin
+            ax.barh(y, width, 0.6, begin, color=colour, ec="white", lw=0.5, label=label)
 
         shown = frames[(frames["release_ms"] < high) & (frames["end_ms"].fillna(high) > low)]
         failed = errors[(errors["start_ms"] < high) & (errors["free_ms"] > low)]
@@ -284,7 +277,7 @@ def simulate(
     >>> run.table()[["sent", "max_ms", "missed"]].values.tolist()
     [[400.0, 1.5, 0.0], [286.0, 2.0, 0.0], [286.0, 3.5, 57.0]]
     """
-    columns = _columns(messages, bit_rate)
+    columns = _Columns.of(messages, bit_rate)
     horizon = nanoseconds(check_scalar("until", until, "s", 1e-9, 1e6))
     several = as_faults(faults, BitErrors, ErrorAt)
     generator = check_rng(rng)
@@ -307,37 +300,18 @@ def simulate(
         random = [one for one in several if isinstance(one, BitErrors) and one.rate >= 1e-18]
         rate = np.array([fault.rate for fault in random])
         span = np.array([fault.span for fault in random], dtype=np.int64).reshape(-1, 2)
+        disturbances = np.array([*instants, NEVER]), rate, span, generator
         start, failures, *counters = send_disturbed.run(
             2 * steps,
-            release,
-            first,
-            columns.length,
-            horizon,
-            columns.owner,
-            columns.bit,
-            PASSIVE,
-            BUS_OFF,
-            np.array([*instants, NEVER]),
-            rate,
-            span,
-            generator,
+            *(release, first, columns.length, horizon, columns.owner, columns.bit),
+            *(PASSIVE, BUS_OFF, *disturbances),
         )
     else:
         start = send.run(steps, release, first, columns.length, horizon)
         counters = list(np.zeros((2, len(columns.senders)), dtype=np.int64))
-    return Run(
-        messages,
-        float(bit_rate),
-        float(until),
-        several,
-        columns,
-        arrival,
-        release,
-        start,
-        first,
-        np.array(failures, dtype=np.int64).reshape(-1, 6),
-        (counters[0], counters[1]),
-    )
+    rows = np.array(failures, dtype=np.int64).reshape(-1, 6)
+    system = messages, float(bit_rate), float(until), several, columns
+    return Run(*system, arrival, release, start, first, rows, (counters[0], counters[1]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -412,7 +386,7 @@ def simulate_batch(
     >>> (1e3 * run.max_response).round(2).tolist()
     [[1.08, 2.16], [1.66, 1.08]]
     """
-    columns = _columns(messages, bit_rate)
+    columns = _Columns.of(messages, bit_rate)
     if columns.jitter.any():
         raise ArgumentError("messages have jitter; in a batch they must have none")
     horizon = nanoseconds(check_scalar("until", until, "s", 1e-9, 1e6))
@@ -438,7 +412,7 @@ def simulate_batch(
 
 
 class _Columns(NamedTuple):
-    """Messages in order of priority, with times in whole nanoseconds."""
+    """Messages in order of priority, with times in whole nanoseconds, and the senders' names."""
 
     senders: list[str]
     owner: Integers
@@ -449,32 +423,24 @@ class _Columns(NamedTuple):
     jitter: Integers
     offset: Integers
 
-
-def _columns(messages: MessageSet, bit_rate: float) -> _Columns:
-    """Return a message set as columns; `owner` is the index of each message's sender."""
-    if not len(messages):
-        raise ArgumentError("messages are empty; there must be at least one")
-    senders = [message.sender or message.name for message in messages]
-    nodes = list(dict.fromkeys(senders))
-    bit = bit_time_ns(bit_rate)
-    return _Columns(
-        nodes,
-        np.array([nodes.index(sender) for sender in senders], dtype=np.int64),
-        bit,
-        messages.lengths().astype(np.int64) * bit,
-        *messages.times.copy(),  # kernels are compiled for arrays that can be written
-    )
-
-
-def bit_time_ns(bit_rate: float) -> int:
-    """Return the bit time in whole nanoseconds."""
-    exact = 1e9 / check_bit_rate(bit_rate, 5e3)
-    if abs(exact - round(exact)) > 1e-6 * exact:
-        raise ArgumentError(
-            f"bit_rate is {bit_rate} bit/s, so a bit lasts {exact:.6g} ns; it must last a whole "
-            f"number of nanoseconds, as at {1e9 / round(exact):.9g} bit/s"
-        )
-    return round(exact)
+    @classmethod
+    def of(cls, messages: MessageSet, bit_rate: float) -> _Columns:
+        """Return a message set as columns; `owner` is the index of each message's sender."""
+        if not len(messages):
+            raise ArgumentError("messages are empty; there must be at least one")
+        exact = 1e9 / check_bit_rate(bit_rate, 5e3)
+        bit = round(exact)
+        if abs(exact - bit) > 1e-6 * exact:
+            raise ArgumentError(
+                f"bit_rate is {bit_rate} bit/s, so a bit lasts {exact:.6g} ns; it must last a "
+                f"whole number of nanoseconds, as at {1e9 / bit:.9g} bit/s"
+            )
+        senders = [message.sender or message.name for message in messages]
+        nodes = list(dict.fromkeys(senders))
+        owner = np.array([nodes.index(sender) for sender in senders], dtype=np.int64)
+        length = messages.lengths().astype(np.int64) * bit
+        # Kernels are compiled for arrays that can be written.
+        return cls(nodes, owner, bit, length, *messages.times.copy())
 
 
 def _frames(offset: Integers, period: Integers, horizon: int) -> int:

@@ -17,11 +17,15 @@ from reprlib import Repr
 from threading import Thread
 from traceback import format_exception_only, walk_tb
 from types import TracebackType
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
 T = TypeVar("T")
+
+#: The right answer to an exercise, its `value`. `read` returns a student's answer in a standard
+#: form or raises Misread; `fault` returns what is wrong with that, or None if it is right.
+Answer: TypeAlias = "Number | Bits | Bytes | Words | Function | Table"
 
 #: Time limit for a student's function, for all its inputs together [s].
 LIMIT = 10.0
@@ -32,9 +36,6 @@ _SHORT.maxstring = _SHORT.maxother = 60
 #: Report used if nothing more specific can be said about an answer.
 NOT_YET = "not right yet"
 
-#: Powers of ten by which the SI prefixes from pico to tera differ.
-_PREFIXES = tuple(power for power in range(-24, 25, 3) if power)
-
 
 class NotSolved(Exception):
     """An exercise has no answer yet."""
@@ -42,20 +43,6 @@ class NotSolved(Exception):
 
 class Misread(Exception):
     """An answer has the wrong type or form; the message says why."""
-
-
-class Answer(Protocol):
-    """The right answer to an exercise, with which students' answers are compared."""
-
-    @property
-    def value(self) -> object:
-        """The right answer."""
-
-    def read(self, raw: object) -> Any:
-        """Return an answer in a standard form, or raise Misread if this is impossible."""
-
-    def fault(self, answer: Any) -> str | None:
-        """Return what is wrong with an answer from `read`, or None if it is right."""
 
 
 def shown(value: object) -> str:
@@ -93,29 +80,21 @@ def _number(raw: object, unit: str) -> float:
 
 def _prefix(number: float, right: float, unit: str, tolerance: float) -> str | None:
     """Return a report if only the sign or the scale (percent, SI prefix) is wrong, else None."""
-
-    def near(factor: float) -> bool:
-        return math.isclose(number, factor * right, rel_tol=tolerance)
-
-    if not (number and right):
-        return None
-    if near(-1):
-        return "the sign is wrong"
-    if unit == "%" and near(0.01):
-        return "that is a fraction; what is the percentage?"
-    if not unit and near(100):
-        return "that is the percentage; what is the fraction, from 0 to 1?"
-    for power in _PREFIXES:
-        if near(10.0**power):
-            where = f"{10 ** abs(power)} times too {'large' if power > 0 else 'small'}"
-            return f"the digits are right, but the number is {where}: which unit is it in?"
-    return None
+    scales: dict[float, str | None] = {
+        -1.0: "the sign is wrong",
+        0.01: "that is a fraction; what is the percentage?" if unit == "%" else None,
+        100.0: None if unit else "that is the percentage; what is the fraction, from 0 to 1?",
+    }
+    for power in range(-24, 25, 3):
+        where = f"{10 ** abs(power)} times too {'large' if power > 0 else 'small'}"
+        report = f"the digits are right, but the number is {where}: which unit is it in?"
+        scales[10.0**power] = report if power else None
+    near = (scale for scale in scales if math.isclose(number, scale * right, rel_tol=tolerance))
+    return next((scales[scale] for scale in near if scales[scale]), None)
 
 
 def _rounded(number: float, right: float) -> bool:
     """Return whether a number is the right one rounded to two or three significant digits."""
-    if not right:
-        return False
     for digits in (2, 3):
         step = 10.0 ** (math.floor(math.log10(abs(right))) + 1 - digits)
         on_grid = math.isclose(number, round(number / step) * step, rel_tol=1e-9)
@@ -143,11 +122,13 @@ class Number:
         # The last bits of a floating-point product may differ.
         if abs(answer - self.value) <= self.tolerance * scale * (1 + 1e-9):
             return None
-        if fact := _prefix(answer, self.value, self.unit, self.tolerance):
-            return fact
+        if not self.value:
+            return NOT_YET
+        if answer and (report := _prefix(answer, self.value, self.unit, self.tolerance)):
+            return report
         if _rounded(answer, self.value):
             return f"not within {100 * self.tolerance:g} %: keep more digits; round only at the end"
-        if self.value and not 1 / 3 <= abs(answer / self.value) <= 3:
+        if not 1 / 3 <= abs(answer / self.value) <= 3:
             return f"far too {'large' if abs(answer) > abs(self.value) else 'small'}"
         return NOT_YET
 
@@ -160,9 +141,7 @@ class Whole(Number):
         """Return what is wrong with a count, or None if it is right."""
         if math.isclose(answer, self.value, rel_tol=1e-9):
             return None
-        if answer != round(answer):
-            return f"{NOT_YET}: a whole number is expected"
-        return NOT_YET
+        return NOT_YET if answer == round(answer) else f"{NOT_YET}: a whole number is expected"
 
 
 @dataclass(frozen=True)
@@ -339,18 +318,6 @@ def _place(function: Callable[..., Any], trace: TracebackType | None) -> str:
     return f" on line {line - code.co_firstlineno + 1}{f', `{text}`' if text else ''}"
 
 
-def _not_rows(rows: object) -> str | None:
-    """Return a clause that says why an object is not a list of dicts, or None if it is one."""
-    if isinstance(rows, dict):
-        return "; that is a single row"
-    if not isinstance(rows, Sequence) or isinstance(rows, str | bytes):
-        return f"; yours is of type {type(rows).__name__}"
-    for number, row in enumerate(rows, start=1):
-        if not isinstance(row, dict):
-            return f"; row {number} is of type {type(row).__name__}"
-    return None
-
-
 @dataclass(frozen=True, eq=False)
 class Table:
     """A table of numbers with rows in any order; the first column identifies a row."""
@@ -362,10 +329,18 @@ class Table:
         """Return the rows of a DataFrame or list of dicts as numbers, sorted by first column."""
         to_rows = getattr(raw, "to_dict", None)
         rows: Any = to_rows("records") if to_rows and hasattr(raw, "columns") else raw
-        columns = list(self.value[0])
-        if form := _not_rows(rows):
+        columns, form = list(self.value[0]), ""
+        if isinstance(rows, dict):
+            form = "that is a single row"
+        elif not isinstance(rows, Sequence) or isinstance(rows, str | bytes):
+            form = f"yours is of type {type(rows).__name__}"
+        else:
+            for number, row in enumerate(rows, start=1):
+                if not isinstance(row, dict):
+                    form = form or f"row {number} is of type {type(row).__name__}"
+        if form:
             row = ", ".join(f"{name!r}: ..." for name in columns)
-            raise Misread(f"a table is expected, a list of rows such as {{{row}}}{form}")
+            raise Misread(f"a table is expected, a list of rows such as {{{row}}}; {form}")
         if missing := [name for name in columns if any(name not in row for row in rows)]:
             raise Misread(f"column {missing[0]!r} is missing; expected: {', '.join(columns)}")
         if len(rows) != len(self.value):

@@ -94,18 +94,19 @@ class Exercise:
 
         A mistake is named only if no other mistake leads to the same answer.
         """
+        right: Any
         right, hints = self.solve(**self.given(me))
         try:
             answer = right.read(answered)
         except Misread as kind:
             return str(kind)
-        fact = right.fault(answer)
+        fact: str | None = right.fault(answer)
         if fact is None:
             return None
         named = [
             hint
             for hint, wrong in hints.items()
-            if wrong is not ANY and replace(right, value=wrong).fault(answer) is None  # type: ignore[type-var]
+            if wrong is not ANY and replace(right, value=wrong).fault(answer) is None
         ]
         if len(named) == 1:
             return named[0]

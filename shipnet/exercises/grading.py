@@ -113,10 +113,20 @@ class _Session:
         self.allow()
 
     def _told(self, *task: object) -> Any:
-        assert self._process is not None
-        replies: SimpleQueue[bytes] = SimpleQueue()
+        process, replies = self._process, SimpleQueue[bytes]()
+        assert process and process.stdin and process.stdout
+        questions, answers = process.stdin, process.stdout
+
+        def exchange() -> None:
+            line = b""
+            with suppress(OSError):
+                pickle.dump(task, questions)
+                questions.flush()
+                line = answers.readline(ANSWER)
+            replies.put(line)
+
         # Only a thread can be left behind if another process keeps the pipes open.
-        Thread(target=_exchange, args=(self._process, task, replies), daemon=True).start()
+        Thread(target=exchange, daemon=True).start()
         line = None
         try:
             line = replies.get(timeout=max(self._deadline - monotonic(), 0.01))
@@ -130,17 +140,6 @@ class _Session:
         if "error" in reply:
             raise RuntimeError(str(reply["error"]))
         return value
-
-
-def _exchange(process: subprocess.Popen[bytes], task: object, replies: SimpleQueue[bytes]) -> None:
-    """Send a request to a process, and put its reply into a queue; it is empty at the end."""
-    assert process.stdin is not None and process.stdout is not None
-    line = b""
-    with suppress(OSError):
-        pickle.dump(task, process.stdin)
-        process.stdin.flush()
-        line = process.stdout.readline(ANSWER)
-    replies.put(line)
 
 
 class _Remote:
@@ -303,25 +302,20 @@ class _HandIn:
             environment |= {"MPLBACKEND": "agg", "PYTHONPATH": os.pathsep.join(filter(None, paths))}
             with (
                 TemporaryDirectory(ignore_cleanup_errors=True) as folder,
-                TemporaryFile() as given,
-                TemporaryFile() as said,  # no process can keep the end of a file from being read
+                TemporaryFile() as notebook_file,
+                TemporaryFile() as report,  # no process can keep its end from being read
             ):
-                given.write(notebook)
-                given.seek(0)
-                process = _python(
-                    f"judge({LIMIT}, {WHOLE})",
-                    stdin=given,
-                    stdout=said,
-                    stderr=said,
-                    cwd=folder,
-                    env=environment,
-                )
+                notebook_file.write(notebook)
+                notebook_file.seek(0)
+                streams: dict[str, Any] = {"stdin": notebook_file, "stdout": report}
+                streams |= {"stderr": report, "cwd": folder, "env": environment}
+                process = _python(f"judge({LIMIT}, {WHOLE})", **streams)
                 with suppress(subprocess.TimeoutExpired):
                     process.wait(1.2 * WHOLE)
                 process.kill()
                 process.wait()
-                said.seek(0)
-                lines = said.read(ANSWER).decode(errors="replace").splitlines()
+                report.seek(0)
+                lines = report.read(ANSWER).decode(errors="replace").splitlines()
             line = lines[-1] if lines else "its process ended or did not end in time"
             if not line.startswith("{"):  # it is the error that ended the judge
                 raise ValueError(line)
@@ -363,21 +357,21 @@ class _HandIn:
                     case ast.ImportFrom(str(name)) | ast.alias(name):
                         if name.startswith("shipnet.exercises."):
                             self.flags.append("imports the code that checks answers")
-        asked: list[Exercise] = []
+        tasks: list[Exercise] = []
         for lesson in sorted(lessons):
             with suppress(ArgumentError):  # there is no such lesson
-                asked += exercises(lesson)
-        if not asked:
+                tasks += exercises(lesson)
+        if not tasks:
             self.flags.append("no exercise found")
             return
-        for one in asked:
+        for one in tasks:
             if (one.key, one.variable) not in unchanged:
                 self.flags.append(f"check of {one.key} edited")
             if (cell := solving.get(one.variable)) is not None and parsed[cell][1]:
                 self.digests[one.key] = parsed[cell][1]
         session = _Session(codes, limit, whole)
         try:
-            self._judge(asked, session, solving)
+            self._judge(tasks, session, solving)
         finally:
             session.close()
 
@@ -450,7 +444,16 @@ def grade(folder: str) -> tuple[pd.DataFrame, pd.DataFrame]:
             read.append((one, _read(path, root)))
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(lambda pair: pair[0].run(pair[1]), read))
-    _flag_copies(handed)
+    same: defaultdict[tuple[str, str], list[_HandIn]] = defaultdict(list)
+    for one in handed:
+        if one.name and "name unchanged" not in one.flags:
+            same["name", f"{one.name} {sorted(one.verdicts)}"].append(one)
+        for key, digest in one.digests.items():
+            same[f"lines for {key}", digest].append(one)
+    for (what, _), those in same.items():
+        for one in those if len(those) > 1 else ():
+            others = ", ".join(other.file for other in those if other is not one)
+            one.flags.append(f"same {what} as {others}")
     keys = sorted({key for one in handed for key in one.verdicts})
     rows = []
     for one in handed:
@@ -481,17 +484,3 @@ def as_html(file: str, grades: pd.DataFrame, verdicts: pd.DataFrame) -> None:
         "</html>",
     ]
     Path(file).write_text("\n".join(parts), encoding="utf-8")
-
-
-def _flag_copies(handed: list[_HandIn]) -> None:
-    """Flag notebooks with the same name or the same long solution as another notebook."""
-    same: defaultdict[tuple[str, str], list[_HandIn]] = defaultdict(list)
-    for one in handed:
-        if one.name and "name unchanged" not in one.flags:
-            same["", f"{one.name} {sorted(one.verdicts)}"].append(one)
-        for key, digest in one.digests.items():
-            same[key, digest].append(one)
-    for (key, _), those in same.items():
-        for one in those if len(those) > 1 else ():
-            others = ", ".join(other.file for other in those if other is not one)
-            one.flags.append(f"same {f'lines for {key}' if key else 'name'} as {others}")

@@ -83,9 +83,6 @@ def pulses() -> Solution:
         ),
         "is there really a pulse after every bit?": lambda bits: 2 * len(bits),
         "does your loop include the last two bits?": lambda bits: len(bits) + _equal(bits[:-1]),
-        "the first bit, a 0, starts at the idle level: is there a pulse before it?": (
-            lambda bits: len(bits) + _equal(bits) + 1
-        ),
         "two consecutive ones have a pulse between them, too": (
             lambda bits: len(bits) + sum(a == b == "0" for a, b in pairwise(bits))
         ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import combinations, pairwise
-from math import ceil, log, log2, log10
+from math import ceil, log, log2
 from random import Random
 
 from shipnet.asi.telegram import frame
@@ -130,16 +130,8 @@ def distance() -> Solution:
         "that is for the pair that differs most; which pair counts?": (
             lambda words: max(_between(combinations(words, 2)))
         ),
-        "that is the mean of all pairs; which pair counts?": (
-            lambda words: sum(found := _between(combinations(words, 2))) / len(found)
-        ),
         "that is the number of wrong bits that are always detected; what is the distance?": (
             lambda words: _distance(words) - 1
-        ),
-        "the last word is part of pairs too: does your loop include it?": (
-            lambda words: min(
-                _between(combinations(words[:-1], 2)) or _between(combinations(words, 2))
-            )
         ),
         "Count by hand for every pair of these words: in how many places do they differ?": ANY,
     }
@@ -159,9 +151,6 @@ def crc_width(hits: int, years: int) -> Solution:
         "that is for one year; how many years does the ship sail?": ceil(log2(hits * 365)),
         "that is for one day; how many days are there?": ceil(log2(hits)),
         "that is the number of messages; with n check bits, one in how many passes?": messages,
-        "each bit halves the number of messages that pass: what is the logarithm's base?": ceil(
-            log10(messages)
-        ),
         "the natural logarithm does not count halvings": ceil(log(messages)),
         "How many messages are hit in total? What fraction passes with one check bit?": ANY,
     }

@@ -38,9 +38,6 @@ def cycle(slaves: int, bits: int) -> Solution:
         "management and the search for a new slave are two exchanges, not one": (
             (slaves + 1) * one
         ),
-        "management and the search for a new slave are two exchanges, not three": (
-            (slaves + 3) * one
-        ),
         "that is for 31 slaves; how many does your line have?": (ADDRESSES + 2) * one,
         "that is in bit times; how long is a bit time?": (slaves + 2) * bits,
         "that is one exchange; how many does a cycle have?": one,
@@ -61,22 +58,14 @@ _TRIED = [(8, 2, 2), (4, 3, 2), (7, 2, 1.5), (8, 10, 2), (0, 2, 2)]
 def efficiency() -> Solution:
     """Percentage of time spent on user data."""
     return Function(_efficiency, _TRIED, lambda right: Number(right, "%")), {
-        "the pauses take time too": lambda user, master, slave: 100 * user / (14 + 7),
-        "the response belongs to the exchange too": (
-            lambda user, master, slave: 100 * user / (14 + master + slave)
+        "the pauses take time too": lambda user, p, q: 100 * user / (14 + 7),
+        "the response belongs to the exchange too": lambda user, p, q: 100 * user / (14 + p + q),
+        "the pause after the response takes time too": lambda user, p, q: 100 * user / (21 + p),
+        "the pause before the response takes time too": lambda user, p, q: 100 * user / (21 + q),
+        "eight bits are only an example: where is `user_bits`?": lambda user, p, q: (
+            800 / (21 + p + q)
         ),
-        "the pause after the response takes time too": (
-            lambda user, master, slave: 100 * user / (21 + master)
-        ),
-        "the pause before the response takes time too": (
-            lambda user, master, slave: 100 * user / (21 + slave)
-        ),
-        "eight bits are only an example: where is `user_bits`?": (
-            lambda user, master, slave: 800 / (21 + master + slave)
-        ),
-        "`user_bits` already counts both directions": (
-            lambda user, master, slave: 200 * user / (21 + master + slave)
-        ),
+        "`user_bits` already counts both directions": lambda user, p, q: 200 * user / (21 + p + q),
         "How many bit times does an exchange take with its pauses? How many are user bits?": ANY,
     }
 

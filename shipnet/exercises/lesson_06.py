@@ -36,9 +36,6 @@ def request(unit: int, number: int, quantity: int) -> Solution:
         "both numbers are sent high byte first": (
             bytes([unit, 3]) + (number - 1).to_bytes(2, "little") + quantity.to_bytes(2, "little")
         ),
-        "the 4 in numbers like 40001 only stands for holding registers and is not sent": (
-            asking(40000 + number - 1)
-        ),
         "those are decimal digits: write the numbers in hexadecimal": (
             bytes.fromhex(f"{unit:02}03{number - 1:04}{quantity:04}")
         ),
@@ -66,7 +63,6 @@ def response_time(registers: int, rate: int) -> Solution:
         "every frame ends with a CRC: is it counted?": lasts(-2),
         "one byte too few: list the bytes before and after the data": lasts(-1),
         "one byte too many: list the bytes before and after the data": lasts(1),
-        "a register has 16 bits": lasts(-registers),
         "count from the first bit to the last: the silence comes after the response": (
             lasts() + 1e3 * SerialLine(rate).t35
         ),
@@ -97,12 +93,6 @@ def scan_time() -> Solution:
             lambda *case: _scan(*case) - case[0] * SerialLine(case[2]).t35
         ),
         "the silences are missing": lambda *case: _scan_with(0, *case),
-        "both frames end with a CRC: are both counted?": (
-            lambda *case: _scan(*case) - case[0] * 4 * SerialLine(case[2]).character_time
-        ),
-        "a register has 16 bits": (
-            lambda *case: _scan(*case) - case[0] * case[1] * SerialLine(case[2]).character_time
-        ),
         "count the bits of 8E1 again: start, data, parity, stop": (
             lambda *case: _scan(*case, character="8N1")
         ),

@@ -108,11 +108,6 @@ def _windows(fires: str, n: int, last: int = 0) -> list[str]:
     return [fires[max(0, i + 1 - last - n) : max(0, i + 1 - last)] for i in range(len(fires))]
 
 
-def _slices(fires: str, n: int) -> list[str]:
-    """Return windows whose start, if negative, wrongly counts from the end of the readings."""
-    return [fires[end - n : end] for end in range(1, len(fires) + 1)]
-
-
 #: One reading; the rule fires never, always or with gaps; fewer readings than the window.
 _TRIED = [
     ("1", 1, 1),
@@ -142,14 +137,6 @@ def persistence() -> Solution:
             lambda fires, k, n: _marks(fires[i : i + n].count("1") >= k for i in range(len(fires)))
         ),
         "those are the readings; count the 1s among the last n": lambda fires, k, n: fires,
-        "at the beginning the window is shorter: where does your slice begin?": (
-            lambda fires, k, n: _marks(part.count("1") >= k for part in _slices(fires, n))
-        ),
-        "the first windows are short, but k readings in them are enough": (
-            lambda fires, k, n: _marks(
-                len(part) == n and part.count("1") >= k for part in _windows(fires, n)
-            )
-        ),
         "which of k and n is the window's length, and which is how often the rule must fire?": (
             lambda fires, k, n: _marks(part.count("1") >= n for part in _windows(fires, k))
         ),
@@ -180,12 +167,6 @@ def windows(burst: int, period: int, step: int) -> Solution:
         ],
         "your `delay` is in steps; how long is a step?": [
             {**row, "delay": row["delay"] / step} for row in rows
-        ],
-        "`k` = `n` is safe, but a smaller `k` may be enough": [
-            {**row, "k": row["n"], "delay": (row["n"] - 1) * step} for row in rows
-        ],
-        "with this `k` a burst still raises an alarm: `k` must be one larger": [
-            {**row, "k": row["k"] - 1} for row in rows
         ],
         "Slide a window along the pattern: how many disturbed readings are in it at most?": ANY,
     }

@@ -154,16 +154,8 @@ def choice() -> Solution:
         "check two things before the cost: the faults and the limit": (
             lambda options, limit: _cheapest(options, inf, faults=True)
         ),
-        "of all options that meet the limit, which one is the cheapest?": (
-            lambda options, limit: min(
-                (row[1:] for row in _good(options, limit)), default=(0, "none")
-            )[-1]
-        ),
         "choose the cheapest, not the most expensive": (
             lambda options, limit: max(_good(options, limit), default=(0, 0, "none"))[-1]
-        ),
-        "the first suitable option need not be the cheapest": (
-            lambda options, limit: next(_good(options, limit), (0, 0, "none"))[-1]
         ),
         "Remove options with faults, then those that lose too much; which is the cheapest?": ANY,
     }

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -56,32 +55,13 @@ class Pulse:
         return ax
 
 
-class Valued:
-    """Base class of objects that are equal if their constants, which may be arrays, are equal."""
-
-    @property
-    def parameters(self) -> tuple[Quantity | None, ...]:
-        """The constants."""
-        raise NotImplementedError
-
-    def _key(self) -> tuple[Any, ...]:
-        return tuple(tuple(v) if isinstance(v, np.ndarray) else v for v in self.parameters)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, type(self)) and self._key() == other._key()
-
-    def __hash__(self) -> int:
-        return hash(self._key())
-
-
-@record(eq=False)
-class Cable(Valued):
+@record
+class Cable:
     r"""A uniform two-wire cable, given by its constants per metre for both wires together.
 
     .. math:: z(s) = r \sqrt{1 + \frac{s}{2 \pi f_{skin}}} + s l, \qquad y(s) = g + s c
 
-    Each constant may be an array with one value per tree of a Monte Carlo simulation. Two cables
-    are equal if all their constants are equal.
+    Each constant may be an array with one value per tree of a Monte Carlo simulation.
 
     Examples
     --------

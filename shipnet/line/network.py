@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from operator import add
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity, check_fields, check_quantity, check_trees, record
 from shipnet.lazy import Axes
-from shipnet.line.cable import CABLES, Cable, Valued
+from shipnet.line.cable import CABLES, Cable
 from shipnet.line.solver import Rooted, check_frequencies, fold, transfer
 
 #: Legal lengths [m]: a shorter run would in effect be a single node, and no field bus is longer.
@@ -81,8 +82,8 @@ class CableRun:
         return f"cable {self.a} - {self.b}"
 
 
-@record(eq=False)
-class Load(Valued):
+@record
+class Load:
     """A resistor, an inductor and a capacitor in parallel, from a node to the reference conductor.
 
     At least one of them must be given. A terminator is a load with a resistor only.
@@ -112,7 +113,15 @@ class Load(Valued):
         """Return the load that is equivalent to both loads in parallel."""
         if not isinstance(other, Load):
             return NotImplemented
-        return Load(_parallel(self.r, other.r), _parallel(self.l, other.l), _sum(self.c, other.c))
+
+        def parallel(one: Quantity, second: Quantity) -> Quantity:
+            return 1 / (1 / one + 1 / second)
+
+        return Load(
+            _joined(self.r, other.r, parallel),
+            _joined(self.l, other.l, parallel),
+            _joined(self.c, other.c, add),
+        )
 
     @property
     def shunt(self) -> tuple[Quantity, Quantity, Quantity]:
@@ -124,16 +133,12 @@ class Load(Valued):
         )
 
 
-def _parallel(one: Quantity | None, other: Quantity | None) -> Quantity | None:
+def _joined(
+    one: Quantity | None, other: Quantity | None, join: Callable[[Quantity, Quantity], Quantity]
+) -> Quantity | None:
     if one is None or other is None:
         return other if one is None else one
-    return 1 / (1 / one + 1 / other)
-
-
-def _sum(one: Quantity | None, other: Quantity | None) -> Quantity | None:
-    if one is None or other is None:
-        return other if one is None else one
-    return one + other
+    return join(one, other)
 
 
 class Layout(NamedTuple):

@@ -15,11 +15,9 @@ from os import PathLike
 import numpy as np
 import numpy.typing as npt
 
-from shipnet import style
 from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
-from shipnet.lazy import Axes
 from shipnet.tables import csv_text, save_suffix
 
 #: Highest relevant frequency of a current step that lasts 3 us [Hz].
@@ -118,18 +116,6 @@ class Waveform:
         np.savetxt(
             path, columns, delimiter=",", header=titles, comments="", fmt="%.9g", encoding="utf-8"
         )
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw all voltages over time, with a legend if there is more than one."""
-        ax = style.axes(ax)
-        rows = self.u.reshape(-1, self.u.shape[-1])
-        names = self.names if len(self.names) == len(rows) else [None] * len(rows)
-        for name, row in zip(names, rows, strict=True):
-            ax.plot(self.t * 1e6, row, label=name)
-        ax.set(xlabel="time [us]", ylabel="voltage [V]")
-        if len(self.names) == len(rows) > 1:
-            style.legend(ax)
-        return ax
 
     def __repr__(self) -> str:
         if self.description:

@@ -38,12 +38,17 @@ _HEAD, _SHORTEST, _LONGEST = 6, 2, 1 + MAX_PDU
 
 
 class Listener:
-    """Base class of listeners: `place` is the address or device, and `port` is the bound port."""
+    """Base class of listeners on an address of a host, or on a serial port.
 
-    wire: Wire | None = None
+    `place` is the address or device in words, and `port` the bound port.
+    """
 
-    def __init__(self, respond: Respond, place: str) -> None:
-        self.respond, self.place, self.port = respond, place, 0
+    def __init__(
+        self, respond: Respond, wire: Wire | None, address: tuple[str, int] | str, line: SerialLine
+    ) -> None:
+        self.respond, self.wire, self.address, self.line = respond, wire, address, line
+        self.place = address if isinstance(address, str) else f"{address[0]}, port {address[1]}"
+        self.port = 0
         self.handlers: set[_Handler] = set()
 
     async def listen(self) -> None:
@@ -99,13 +104,11 @@ class _Handler:
                 held[to] += 1
                 self.loop.call_at(due, self._send_late, data, to)
             self.free = due
-            return
-        frame = adu.rtu if request.transaction_id is None else adu.tcp
-        if delay > 0:
+        elif delay > 0:
             held[to] += 1
-            self.loop.call_later(delay, self._send_late, frame, to)
+            self.loop.call_later(delay, self._send_late, adu.frame, to)
         else:
-            self._send_if_open(frame, to)
+            self._send_if_open(adu.frame, to)
 
     def _send_late(self, frame: bytes, to: Any) -> None:
         self.held_back -= Counter([to])  # drops entries of 0
@@ -125,7 +128,7 @@ class _Handler:
 class _TcpHandler(_Handler, BufferedProtocol):
     """Handler of a TCP connection; it limits each read, and takes turns with other connections."""
 
-    def __init__(self, listener: TcpListener) -> None:
+    def __init__(self, listener: Listener) -> None:
         super().__init__(listener)
         self.space = bytearray(_READ)
         self.in_turn = False
@@ -133,11 +136,16 @@ class _TcpHandler(_Handler, BufferedProtocol):
         self.timer = self.loop.call_later(_IDLE, self._end_if_idle)
 
     def connection_made(self, transport: Any) -> None:
-        """Start, or close the connection if too many are open."""
-        if self.listener.has_room():
-            super().connection_made(transport)
-        else:
+        """Start, or close the connection if too many are open; log the first such refusal."""
+        full = len(self.listener.handlers) >= _CLIENTS
+        if full and not self.listener.refuses:
+            message = "connections are refused: %d clients are connected"
+            logging.getLogger("shipnet.modbus.server").warning(message, _CLIENTS)
+        self.listener.refuses = full
+        if full:
             transport.close()
+        else:
+            super().connection_made(transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop the idle timer."""
@@ -226,7 +234,7 @@ class _RtuHandler(_Handler, Protocol):
 
     unsent = 4
 
-    def __init__(self, listener: RtuListener) -> None:
+    def __init__(self, listener: Listener) -> None:
         super().__init__(listener)
         self.timer = self.loop.call_soon(self._forget)
 
@@ -251,11 +259,8 @@ class _RtuHandler(_Handler, Protocol):
 class TcpListener(Listener):
     """A listener for a limited number of TCP clients."""
 
-    def __init__(self, respond: Respond, host: str, port: int) -> None:
-        super().__init__(respond, f"{host}, port {port}")
-        self.address = host, port
-        self.refuses = False
-        self.server: Server | None = None
+    server: Server | None = None
+    refuses = False
 
     async def listen(self) -> None:
         """Bind all addresses of the host, and accept connections."""
@@ -269,22 +274,9 @@ class TcpListener(Listener):
             self.server.close()
         super().close()
 
-    def has_room(self) -> bool:
-        """Return whether one more client may connect; log the first of consecutive refusals."""
-        full = len(self.handlers) >= _CLIENTS
-        if full and not self.refuses:
-            said = "connections are refused: %d clients are connected"
-            logging.getLogger("shipnet.modbus.server").warning(said, _CLIENTS)
-        self.refuses = full
-        return not full
-
 
 class UdpListener(Listener):
     """A listener for datagrams from any sender."""
-
-    def __init__(self, respond: Respond, host: str, port: int) -> None:
-        super().__init__(respond, f"{host}, port {port}")
-        self.address = host, port
 
     async def listen(self) -> None:
         """Bind the port."""
@@ -296,10 +288,6 @@ class UdpListener(Listener):
 
 class RtuListener(Listener):
     """A listener on a serial port, which it opens through pymodbus and pyserial."""
-
-    def __init__(self, respond: Respond, path: str, line: SerialLine) -> None:
-        super().__init__(respond, path)
-        self.line = line
 
     async def listen(self) -> None:
         """Open the port and check its parity, which Linux may ignore for a pseudo-terminal."""

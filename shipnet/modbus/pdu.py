@@ -38,7 +38,6 @@ from shipnet.modbus.frame import (
 READ_LIMITS = {1: 2000, 2: 2000, 3: 125, 4: 125}
 WRITE_LIMITS = {5: 1, 6: 1, 15: 1968, 16: 123}
 
-_FOR = {code: f" for function code {code}" for code in READ_LIMITS}
 _COILS, _CODES = frozenset({1, 2, 5, 15}), "1..6, 15 or 16"
 
 
@@ -98,16 +97,10 @@ def check_coils(coils: Iterable[bool], most: int, name: str = "coils") -> tuple[
     for k, value in enumerate(values):
         if type(value).__name__ not in ("bool", "bool_"):  # types of Python and NumPy
             check_whole(f"{name}[{k}]", value, 0, 1)
-    return tuple(bool(value) for value in values)
+    return tuple(map(bool, values))
 
 
-def pack_coils(coils: tuple[bool, ...]) -> bytes:
-    """Return coils as bytes, the first in the least significant bit, padded with 0."""
-    value = sum(1 << place for place, coil in enumerate(coils) if coil)
-    return value.to_bytes(-(-len(coils) // 8), "little")
-
-
-def unpack_coils(data: bytes) -> tuple[bool, ...]:
+def _bits(data: bytes) -> tuple[bool, ...]:
     """Return the coils that bytes contain, eight per byte, the least significant bit first."""
     return tuple(bool(byte >> place & 1) for byte in data for place in range(8))
 
@@ -130,13 +123,10 @@ def _sequence(name: str, values: Iterable[Any], most: int) -> tuple[Any, ...]:
     return found
 
 
-_FUNCTIONS = {int(code): code for code in FunctionCode}
-
-
 def _function(value: int) -> FunctionCode:
     try:
-        return _FUNCTIONS[value]
-    except (KeyError, TypeError):
+        return FunctionCode(value)
+    except ValueError:
         raise ArgumentError(f"function is {value!r}; it must be {_CODES}") from None
 
 
@@ -208,7 +198,7 @@ class Request(_Framed):
         stored = vars(self)  # `object.__setattr__` is slow
         stored["function"] = _function(function)
         if function in READ_LIMITS:
-            why = _FOR[function]
+            why = f" for function code {function}"
             quantity = check_whole("quantity", quantity, 1, READ_LIMITS[function], why)
             coils = registers = ()
         elif function in _COILS:
@@ -244,14 +234,12 @@ class Request(_Framed):
     @classmethod
     def write_single_coil(cls, address: int, value: bool) -> Request:
         """Request to write one coil, function code 5."""
-        coils = check_coils((value,), 1, "value")
-        return cls(5, address, coils=coils)
+        return cls(5, address, coils=(value,))
 
     @classmethod
     def write_single_register(cls, address: int, value: int) -> Request:
         """Request to write one holding register, function code 6."""
-        registers = check_registers((value,), 1, "value")
-        return cls(6, address, registers=registers)
+        return cls(6, address, registers=(value,))
 
     @classmethod
     def write_multiple_coils(cls, address: int, coils: Iterable[bool]) -> Request:
@@ -266,8 +254,7 @@ class Request(_Framed):
     @classmethod
     def parse(cls, pdu: bytes) -> Request:
         """Return the request in a PDU, or raise an error that names the wrong field."""
-        data = _opened(pdu, "request")
-        (address, number), values = _read(data, _REQUESTS)
+        data, (address, number), values = _read(pdu, "request", _REQUESTS)
         code = data[0]
         try:
             if code in READ_LIMITS:
@@ -279,7 +266,7 @@ class Request(_Framed):
             if -(-number // 8) != len(values):
                 count = f"byte count is {len(values)}"
                 raise FieldError(f"{count}, which does not fit {number} coils")
-            return cls.write_multiple_coils(address, unpack_coils(values)[:number])
+            return cls.write_multiple_coils(address, _bits(values)[:number])
         except ArgumentError as error:
             raise FieldError(str(error)) from None
 
@@ -379,9 +366,9 @@ class Response(_Framed):
             address: Any = self.address
             put(self, "address", check_whole("address", address, 0, 0xFFFF))
         if code in (15, 16):
-            why, quantity = f" for function code {code}", self.quantity
-            whole = check_whole("quantity", quantity, 1, WRITE_LIMITS[code], why)  # type: ignore[arg-type]
-            put(self, "quantity", whole)
+            quantity: Any = self.quantity
+            why = f" for function code {code}"
+            put(self, "quantity", check_whole("quantity", quantity, 1, WRITE_LIMITS[code], why))
 
     @classmethod
     def parse(cls, pdu: bytes, request: Request | None = None) -> Response:
@@ -391,13 +378,13 @@ class Response(_Framed):
         """
         if request is not None and not isinstance(request, Request):
             raise ArgumentError(f"request is {request!r}; it must be a Request")
-        data = _opened(pdu, "response")
-        (numbers, values), code = _read(data, _RESPONSES), data[0]
+        data, numbers, values = _read(pdu, "response", _RESPONSES)
+        code = data[0]
         try:
             if code > 0x80:
                 response = cls(code & 0x7F, exception=data[1])  # type: ignore[arg-type]
             elif code in READ_LIMITS:
-                found = unpack_coils(values) if code in _COILS else _registers(values)
+                found = _bits(values) if code in _COILS else _registers(values)
                 response = cls(code, **_named(code, found))
             elif code in (5, 6):
                 response = cls(code, address=numbers[0], **_single(code, numbers[1]))
@@ -405,7 +392,22 @@ class Response(_Framed):
                 response = cls(code, address=numbers[0], quantity=numbers[1])
         except ArgumentError as error:
             raise FieldError(str(error)) from None
-        return response if request is None else _compared(request, response, data)
+        if request is None:
+            return response
+        if response.function != request.function:
+            raise MismatchError(
+                f"function code is {response.function:d}, but {request.function:d} was requested"
+            )
+        if response.exception is not None:
+            return response
+        if code in READ_LIMITS:
+            if len(data) != request.response_size:
+                expected = request.response_size - 2
+                raise MismatchError(f"byte count is {data[1]}, but the request requires {expected}")
+            return cls(code, response.coils[: request.quantity], response.registers)
+        if data != (echo := request.response().pdu):
+            raise MismatchError(f"the echo is {data.hex()}; it must be {echo.hex()}")
+        return response
 
     @property
     def pdu(self) -> bytes:
@@ -426,8 +428,9 @@ def _named(code: int, values: tuple[Any, ...]) -> dict[str, Any]:
 
 def _values(message: Request | Response) -> bytes:
     """Return the coils or registers of a message as bytes."""
-    if message.coils:
-        return pack_coils(message.coils)
+    if coils := message.coils:  # the first in the least significant bit, padded with 0
+        number = sum(1 << place for place, coil in enumerate(coils) if coil)
+        return number.to_bytes(-(-len(coils) // 8), "little")
     return pack(f">{len(message.registers)}H", *message.registers)
 
 
@@ -445,11 +448,8 @@ def _single(code: int, number: int) -> dict[str, Any]:
 
 #: Fields after the function code of requests and normal responses, by function code. Each has two
 #: bytes, except a byte count and the values that it counts. Sections 6.1 to 6.17.
-_BLOCK, _ONE, _COUNTED = (
-    ("starting address", "quantity"),
-    ("address", "value"),
-    ("byte count", "values"),
-)
+_BLOCK, _ONE = ("starting address", "quantity"), ("address", "value")
+_COUNTED = ("byte count", "values")
 _REQUESTS: dict[int, tuple[str, ...]] = {
     **dict.fromkeys((1, 2, 3, 4), _BLOCK),
     **dict.fromkeys((5, 6), _ONE),
@@ -462,20 +462,19 @@ _RESPONSES: dict[int, tuple[str, ...]] = {
 }
 
 
-def _opened(pdu: bytes, kind: str) -> bytes:
+def _read(
+    pdu: bytes, kind: str, layouts: dict[int, tuple[str, ...]]
+) -> tuple[bytes, tuple[int, ...], bytes]:
+    """Return the PDU, its 16-bit fields, and the bytes that follow a byte count."""
     if not isinstance(pdu, bytes | bytearray | memoryview):
         raise ArgumentError(f"pdu is {pdu!r}; it must be bytes")
     if not 1 <= len(pdu) <= MAX_PDU:
         raise LengthError(f"the {kind} has {len(pdu)} bytes; it must have 1..{MAX_PDU}")
-    return bytes(pdu)
-
-
-def _read(data: bytes, layouts: dict[int, tuple[str, ...]]) -> tuple[tuple[int, ...], bytes]:
-    """Return the 16-bit fields after the function code, and the bytes that follow a byte count."""
+    data = bytes(pdu)
     if data[0] > 0x80 and layouts is _RESPONSES:
         if len(data) != 2:
             raise LengthError(f"the exception has {len(data)} bytes; it must have 2")
-        return (), b""
+        return data, (), b""
     if data[0] not in layouts:
         raise UnknownCallError(f"function code is {data[0]}; it must be {_CODES}")
     names = layouts[data[0]]
@@ -487,7 +486,7 @@ def _read(data: bytes, layouts: dict[int, tuple[str, ...]]) -> tuple[tuple[int, 
         raise LengthError(f"the PDU has {len(data)} bytes; it must have {needed}")
     if counted and data[end] != len(data) - end - 1:
         raise LengthError(f"byte count is {data[end]}, but {len(data) - end - 1} bytes follow")
-    return unpack_from(f">{n}H", data, 1), data[end + 1 :]
+    return data, unpack_from(f">{n}H", data, 1), data[end + 1 :]
 
 
 def _registers(data: bytes, quantity: int | None = None) -> tuple[int, ...]:
@@ -495,23 +494,6 @@ def _registers(data: bytes, quantity: int | None = None) -> tuple[int, ...]:
         needed = "an even number" if quantity is None else f"2 x {quantity}"
         raise FieldError(f"byte count is {len(data)}; it must be {needed}")
     return unpack(f">{len(data) // 2}H", data)
-
-
-def _compared(request: Request, response: Response, data: bytes) -> Response:
-    """Return the response, or raise an error if it does not answer the request."""
-    code = int(request.function)
-    if response.function != code:
-        raise MismatchError(f"function code is {response.function:d}, but {code} was requested")
-    if response.exception is not None:
-        return response
-    if code in READ_LIMITS:
-        if len(data) != request.response_size:
-            expected = request.response_size - 2
-            raise MismatchError(f"byte count is {data[1]}, but the request requires {expected}")
-        return Response(code, coils=response.coils[: request.quantity]) if code <= 2 else response
-    if data != (echo := request.response().pdu):
-        raise MismatchError(f"the echo is {data.hex()}; it must be {echo.hex()}")
-    return response
 
 
 @dataclass(frozen=True, slots=True)
@@ -558,6 +540,11 @@ class Adu:
         """TCP frame, 8..260 bytes: transaction id (0 if None), protocol 0, length, unit id, PDU."""
         return tcp_frame(self.unit_id, self.pdu, self.transaction_id or 0)
 
+    @property
+    def frame(self) -> bytes:
+        """TCP frame if there is a transaction id, otherwise RTU frame."""
+        return self.rtu if self.transaction_id is None else self.tcp
+
     def request(self) -> Request:
         """Return the request in the PDU, or raise an error that names the wrong field."""
         return Request.parse(self.pdu)
@@ -575,26 +562,19 @@ class Adu:
             fields, rest = {"unit id": self.rtu[:1]}, {"CRC": self.rtu[-2:]}
         else:
             head = self.tcp[:MBAP_BYTES]
-            names = ("transaction id", "protocol id", "length", "unit id")
-            fields, rest = {name: head[2 * k :][:2] for k, name in enumerate(names)}, {}
-        fields |= {"function code": self.pdu[:1], **self._parts()} | rest
-        return pd.DataFrame(
-            {"bytes": [part.hex(" ") for part in fields.values()]},
-            index=pd.Index(list(fields), name="field"),
-        )
-
-    def _parts(self) -> dict[str, bytes]:
-        """Return the bytes after the function code by field, or as ``data`` if they are invalid."""
-        parts, rest = {}, self.pdu[1:]
-        names: tuple[str, ...] = ("data",) if rest else ()
+            header = ("transaction id", "protocol id", "length", "unit id")
+            fields, rest = {name: head[2 * k :][:2] for k, name in enumerate(header)}, {}
+        fields["function code"], data = self.pdu[:1], self.pdu[1:]
+        names: tuple[str, ...] = ("data",) if data else ()  # of an invalid PDU
         for parse, layouts in ((Response.parse, _RESPONSES), (Request.parse, _REQUESTS)):
             with suppress(FrameError):
                 parse(self.pdu)
                 names = layouts.get(self.pdu[0], ("exception code",))
         for name in names:
-            size = 1 if name == "byte count" else len(rest) if name in ("values", "data") else 2
-            parts[name], rest = rest[:size], rest[size:]
-        return parts
+            size = 1 if name == "byte count" else len(data) if name in ("values", "data") else 2
+            fields[name], data = data[:size], data[size:]
+        table = {name: part.hex(" ") for name, part in (fields | rest).items()}
+        return pd.Series(table, name="bytes").rename_axis("field").to_frame()
 
 
 def decode(data: bytes, framing: Framing = "rtu") -> Adu:

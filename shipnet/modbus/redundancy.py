@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet import style
 from shipnet.arrays import Floats
@@ -71,14 +70,6 @@ class Reach:
         a, b = set(self.through_a), set(self.through_b)
         slaves = range(1, self.n_slaves + 1)
         return ["A" if s in a else "B" if s in b else "-" for s in slaves]
-
-    @property
-    def counts(self) -> tuple[int, int]:
-        """Numbers of slaves served through port A and through port B."""
-        begin_b = max(self.first_b, self.last_a + 1)
-        dead_a = sum(s <= self.last_a for s in self.dead)
-        dead_b = sum(s >= begin_b for s in self.dead)
-        return self.last_a - dead_a, self.n_slaves + 1 - begin_b - dead_b
 
 
 @record(slots=True)
@@ -222,11 +213,14 @@ class Loop:
         """
         served = np.array(self.reach(faults).served)
         stay, moved, lost = (int((served == port).sum()) for port in "AB-")
-        staying, moving, last = self._gaps(stay, moved, lost)
-        gap: Floats = np.select([served == "A", served == "B"], [staying, moving], np.inf)
-        if moved:
-            gap[np.flatnonzero(served == "B")[-1]] = last
-        return gap
+        silent = self.poll.timeout_time
+        gap = (stay + moved) * self.poll.time + (1 + self.closed) * lost * silent
+        if self.move == "slave" or moved == 0:
+            return np.where(served == "-", np.inf, gap + moved * silent)
+        gap += silent
+        longest: Floats = np.select([served == "A", served == "B"], [gap, gap + silent], np.inf)
+        longest[np.flatnonzero(served == "B")[-1]] = gap
+        return longest
 
     def single_failures(self) -> pd.DataFrame:
         """Return the worst effect of each fault, one row per ``fault``.
@@ -234,31 +228,17 @@ class Loop:
         ``kind`` is break, short, slave or port; ``served_a``, ``served_b`` and ``lost`` count
         slaves; ``worst_gap_s`` is the longest gap of any slave still served, NaN if there is none.
         """
-        faults = self.single_faults()
-        stay, moved = np.array([self.reach(fault).counts for fault in faults]).T
-        lost = self.n_slaves - stay - moved
-        staying, moving, last = self._gaps(stay, moved, lost)
-        # Moved slaves wait at least as long as those that stay.
-        worst = np.select([moved > 1, moved == 1, stay > 0], [moving, last, staying], np.nan)
-        names = [str(fault) for fault in faults]
-        columns = {"served_a": stay, "served_b": moved, "lost": lost, "worst_gap_s": worst}
-        return pd.DataFrame(
-            {"kind": [name.split()[0] for name in names], **columns},
-            index=pd.Index(names, name="fault"),
-        )
-
-    def _gaps(
-        self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
-    ) -> tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]:
-        """Return the longest gap [s] of staying slaves, moved slaves, and the last moved slave."""
-        s, m, lo = (np.asarray(count, dtype=np.float64) for count in (stay, moved, lost))
-        silent = self.poll.timeout_time
-        gap = (s + m) * self.poll.time + (1 + self.closed) * lo * silent
-        if self.move == "slave":
-            gap = gap + m * silent
-            return gap, gap, gap
-        gap = gap + (m > 0) * silent
-        return gap, gap + silent, gap
+        rows = {}
+        for fault in self.single_faults():
+            served, gaps = self.reach(fault).served, self.worst_gap(fault)
+            rows[str(fault)] = {
+                "kind": str(fault).split()[0],
+                "served_a": served.count("A"),
+                "served_b": served.count("B"),
+                "lost": served.count("-"),
+                "worst_gap_s": max(gaps[np.isfinite(gaps)], default=np.nan),
+            }
+        return pd.DataFrame.from_dict(rows, orient="index").rename_axis("fault")
 
     def plot(self, faults: Faults = (), ax: Axes | None = None) -> Axes:
         """Draw the loop, its faults, and the port that serves each slave; return the axes.
@@ -273,8 +253,9 @@ class Loop:
         angle = np.linspace(-0.6 * np.pi, -2.4 * np.pi, n + 2)
         x, y = np.cos(angle), np.sin(angle)
         cables = [f for f in failed if isinstance(f, Break | Short)]
-        broken = {f.section for f in failed if isinstance(f, Break)}
-        shorted = {f.section for f in failed if isinstance(f, Short)}
+        broken, shorted = (
+            {f.section for f in cables if isinstance(f, kind)} for kind in (Break, Short)
+        )
         red = style.LIMIT["color"]
         for k in range(self.n_sections):
             arc = np.linspace(angle[k], angle[k + 1], 12)
@@ -283,21 +264,14 @@ class Loop:
                 np.cos(arc),
                 np.sin(arc),
                 zorder=4 if bad else 1,
-                label=f"_section {k}",
                 color=red if bad else "0.3",
                 linestyle=":" if k in broken else "-",
                 linewidth=4 if k in shorted else 1.5,
             )
             if bad:
                 words = "\n".join(str(f) for f in cables if f.section == k)
-                ax.text(
-                    1.15 * np.cos(arc[6]),
-                    1.15 * np.sin(arc[6]),
-                    words,
-                    color=red,
-                    ha="center",
-                    va="center",
-                )
+                at = 1.15 * np.cos(arc[6]), 1.15 * np.sin(arc[6])
+                ax.text(*at, words, color=red, ha="center", va="center")
         for port, (marker, colour, words) in _SERVED.items():
             served_here = np.flatnonzero(np.array(served) == port) + 1
             if served_here.size:
@@ -320,7 +294,7 @@ class Loop:
         dead = [f.slave for f in failed if isinstance(f, DeadSlave)]
         dead += [0 if f.port == "A" else n + 1 for f in failed if isinstance(f, DeadPort)]
         if dead:
-            ax.plot(x[dead], y[dead], "x", color=red, markersize=14, zorder=6, label="_dead")
+            ax.plot(x[dead], y[dead], "x", color=red, markersize=14, zorder=6)
         ax.legend(loc="center", markerscale=0.7)
         ax.set(xlim=(-1.35, 1.35), ylim=(-1.25, 1.25), aspect="equal")
         ax.set_axis_off()

@@ -25,6 +25,12 @@ Transport = Literal["tcp", "udp", "rtu"]
 
 _DEFAULT_LINE = SerialLine(9600)
 
+_LISTENERS: dict[Transport, type[Listener]] = {
+    "tcp": TcpListener,
+    "udp": UdpListener,
+    "rtu": RtuListener,
+}
+
 #: Reasons why a port cannot be opened, by the system's error number.
 _NETWORK_CAUSES = {
     errno.EADDRINUSE: "port in use; port 0 selects a free one",
@@ -241,14 +247,8 @@ def serve(
             load_extra(module, package)
 
     def make(respond: Respond) -> Listener:
-        listener: Listener
-        if rtu:
-            listener = RtuListener(respond, serial_port, line)
-        elif transport == "udp":
-            listener = UdpListener(respond, host, bound)
-        else:
-            listener = TcpListener(respond, host, bound)
-        listener.wire = Wire(faults, rng) if faults else None
-        return listener
+        wire = Wire(faults, rng) if faults else None
+        address = serial_port if rtu else (host, bound)
+        return _LISTENERS[transport](respond, wire, address, line)
 
     return Server(slaves, make, lambda: clock or real_clock(speed), rtu)

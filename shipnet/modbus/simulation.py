@@ -24,8 +24,6 @@ A, B, LOST = range(3)  #: Ports, or none.
 KINDS = ("poll", "switch", "probe")
 _POLL, _SWITCH, _PROBE = range(3)
 
-#: Colours of the parts of a try.
-_OUTCOME = {"request": "C0", "response": "C5", "no response": style.LIMIT["color"]}
 Try = tuple[float, int, int, int, bool]  #: Start [s], slave counted from 0, port, kind, answered.
 
 
@@ -184,10 +182,9 @@ class Run:
 
     @cached_property
     def _columns(self) -> tuple[Floats, Integers, Integers, Integers, Bools]:
-        columns = list(zip(*self.tries, strict=True)) if self.tries else [()] * 5
-        slave, port, kind = (np.array(column, dtype=np.int64) for column in columns[1:4])
-        start, answered = np.array(columns[0], dtype=float), np.array(columns[4], dtype=bool)
-        return start, slave, port, kind, answered
+        start, *whole = np.array(self.tries, float).reshape(-1, 5).T
+        slave, port, kind, answered = np.array(whole, int)
+        return start, slave, port, kind, answered == 1
 
     @cached_property
     def _answers(self) -> tuple[Floats, Integers]:
@@ -197,11 +194,6 @@ class Run:
         order = order[np.argsort(slave[order], kind="stable")]
         poll = self.system.poll
         return start[order] + poll.time - poll.line.t35, slave[order]
-
-    @property
-    def answer_times(self) -> Floats:
-        """End times of all responses, in order [s]."""
-        return np.sort(self._answers[0])
 
     @cached_property
     def gaps(self) -> Floats:
@@ -247,29 +239,21 @@ class Run:
 
         After a request without a response, the wait until the time-out is red.
         """
-        ax = style.axes(ax)
+        ax, red = style.axes(ax), style.LIMIT["color"]
         polls, poll = self.events(), self.system.poll
         request = poll.line.frame_time(poll.request_size)
         response = poll.line.frame_time(poll.response_size)
         for row, port in ((1.0, "A"), (0.0, "B")):
-            own = polls[polls["port"] == port]
-            first, answered = own["start_s"].to_numpy(), own["answered"].to_numpy()
-            silent = first[~answered] + request
+            tries = polls[polls["port"] == port]
+            first, answered = tries["start_s"].to_numpy(), tries["answered"].to_numpy()
             answers = first[answered] + poll.time - poll.line.t35 - response
-            for (name, colour), begins, length, height in zip(
-                _OUTCOME.items(),
-                (first, answers, silent),
-                (request, response, poll.timeout),
-                (0.6, 0.6, 0.15),
-                strict=True,
+            for name, colour, begins, length, height in (
+                ("request", "C0", first, request, 0.6),
+                ("response", "C5", answers, response, 0.6),
+                ("no response", red, first[~answered] + request, poll.timeout, 0.15),
             ):
-                ax.broken_barh(
-                    [(at, length) for at in begins],
-                    (row, height),
-                    facecolor=colour,
-                    label=name if port == "A" else f"_{name}",
-                )
-        red = style.LIMIT["color"]
+                bars, label = [(at, length) for at in begins], name if port == "A" else f"_{name}"
+                ax.broken_barh(bars, (row, height), facecolor=colour, label=label)
         for fault in self.faults:
             for at, words in ((fault.start, str(fault)), (fault.stop, f"{fault} repaired")):
                 if at <= self.until:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, Protocol, get_args, runtime_checkable
 
 from shipnet.errors import ArgumentError, FrameError
@@ -90,8 +90,17 @@ class Registers:
         self, *, limits: Mapping[int, tuple[int, int]] | None = None, **tables: _Values
     ) -> None:
         for name in get_args(Table):
-            check = check_registers if "registers" in name else check_coils
-            setattr(self, name, _memory(name, tables.get(name, ()), check))
+            values: Any = tables.get(name, ())
+            try:  # a sequence starts at address 0
+                pairs = dict(values if isinstance(values, Mapping) else enumerate(values))
+            except TypeError:
+                raise ArgumentError(
+                    f"{name} is {values!r}; it must be a mapping or a sequence"
+                ) from None
+            addresses = [check_whole(f"address in {name}", a, 0, 0xFFFF) for a in pairs]
+            check: Any = check_registers if "registers" in name else check_coils
+            stored = check(pairs.values(), _WHOLE_TABLE, name) if pairs else ()
+            setattr(self, name, dict(zip(addresses, map(int, stored), strict=True)))
         if not isinstance(limits, Mapping | None):
             raise ArgumentError(f"limits is {limits!r}; it must be a mapping")
         self.limits = dict(limits or {})
@@ -121,19 +130,6 @@ class Registers:
                 if not low <= new[place] <= high:
                     raise DeviceError(ExceptionCode.ILLEGAL_DATA_VALUE)
         memory.update(new)
-
-
-def _memory(
-    name: str, given: _Values, check: Callable[[Any, int, str], Sequence[int]]
-) -> dict[int, int]:
-    """Return checked values by address; a sequence starts at address 0."""
-    try:
-        pairs = dict(given if isinstance(given, Mapping) else enumerate(given))
-    except TypeError:
-        raise ArgumentError(f"{name} is {given!r}; it must be a mapping or a sequence") from None
-    addresses = [check_whole(f"address in {name}", a, 0, 0xFFFF) for a in pairs]
-    values = check(pairs.values(), _WHOLE_TABLE, name) if pairs else ()
-    return dict(zip(addresses, map(int, values), strict=True))
 
 
 class Answer(NamedTuple):
@@ -220,7 +216,7 @@ class Slave:
             raise ArgumentError(f"device is {device!r}; it must have the methods read and write")
         self.device = device
         try:
-            self.functions = frozenset(FunctionCode(code) for code in functions)
+            self.functions = frozenset(map(FunctionCode, functions))
         except (TypeError, ValueError):
             raise ArgumentError(
                 f"functions is {functions!r}; each must be 1..6, 15 or 16"
@@ -253,7 +249,15 @@ class Slave:
                 raise DeviceError(ExceptionCode.ILLEGAL_FUNCTION)
             if self.exception is not None:
                 raise DeviceError(self.exception)
-            return self._execute(Request.parse(pdu), time).pdu
+            command, device = Request.parse(pdu), self.device
+            values: Iterable[int] = ()
+            if function in _READ:
+                values = device.read(_READ[function], command.address, command.quantity, time)
+            elif command.coils:
+                device.write("coils", command.address, list(map(int, command.coils)), time)
+            else:
+                device.write("holding_registers", command.address, list(command.registers), time)
+            return command.response(values).pdu
         except DeviceError as refusal:
             exception = refusal.exception
         except FrameError:
@@ -263,16 +267,6 @@ class Slave:
             logging.getLogger("shipnet.modbus.server").exception("the device failed")
             exception = ExceptionCode.SERVER_DEVICE_FAILURE
         return Response(function, exception=exception).pdu
-
-    def _execute(self, request: Request, time: float) -> Response:
-        device, function, address = self.device, request.function, request.address
-        if function in _READ:
-            return request.response(device.read(_READ[function], address, request.quantity, time))
-        if request.coils:
-            device.write("coils", address, [int(coil) for coil in request.coils], time)
-        else:
-            device.write("holding_registers", address, list(request.registers), time)
-        return request.response()
 
 
 def answer(

@@ -6,7 +6,6 @@ optional parity bit, and one or two stop bits of level 1; an idle line has level
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
@@ -138,6 +137,40 @@ def _line_bits(data: bytes | memoryview, line: SerialLine) -> Bytes:
     return bits
 
 
+def read_characters(
+    edges: Floats, first: int, bit: float, size: int
+) -> tuple[Floats, Integers, int]:
+    """Return the starts of characters, their bits from start to first stop bit, and false starts.
+
+    The level is `first` before the first edge. Characters have `size` bits between start and stop
+    bit, timed from their start bits. A false start ends before the middle of the start bit.
+    """
+    falls = edges[first ^ 1 :: 2]
+
+    def level(times: Floats) -> Integers:
+        return np.asarray((np.searchsorted(edges, times, side="right") + first) & 1)
+
+    begun = level(falls + bit / 2) == 0
+    resume = falls + np.where(begun, size + 1.5, 0.5) * bit
+    follow = np.maximum(np.searchsorted(falls, resume), np.arange(len(falls)) + 1).tolist()
+    taken, at = [], 0
+    while at < len(falls):
+        taken.append(at)
+        at = follow[at]
+    chosen = np.array(taken, dtype=int)
+    starts = falls[chosen[begun[chosen]]]
+    bits = level(starts[:, np.newaxis] + (np.arange(size + 2) + 0.5) * bit)
+    return starts, bits, len(chosen) - len(starts)
+
+
+def error_codes(bits: Integers, parity: str) -> Integers:
+    """Return the error code of each character, given its bits from start to first stop bit."""
+    odd = bits[:, 1:-1].sum(axis=1) & 1
+    wrong = (parity != "N") & (odd != (parity == "O"))
+    codes = np.where(wrong, ParityError.code, 0)
+    return np.where(bits[:, -1] == 0, FormError.code, codes)
+
+
 class Characters(NamedTuple):
     r"""The characters that a receiver reads, with one array entry per character.
 
@@ -217,30 +250,12 @@ class Waveform:
         line = self.line if receiver is None else receiver
         # Of several corners at the same time, keep the last one.
         keep = np.append(np.diff(self.time) > 0, True)[: self.time.size]
-        at, one = self.time[keep], self.level[keep] > 0.5
-        bit = 1 / line.bit_rate
-        bits = 1 + _DATA + (line.character[1] != "N") + 1
-        corners, levels = at.tolist(), one.tolist()
-        falls = at[1:][one[:-1] & ~one[1:]].tolist()
-        found: list[tuple[float, int, int]] = []
-        next_fall = 0
-        while next_fall < len(falls):
-            edge = falls[next_fall]
-            places = [edge + (k + 0.5) * bit for k in range(bits)]
-            taken = [levels[max(bisect_right(corners, place) - 1, 0)] for place in places]
-            if taken[0]:
-                # A pulse shorter than half a bit is not a start bit.
-                next_fall = max(next_fall + 1, bisect_left(falls, places[0]))
-                continue
-            value = sum(level << k for k, level in enumerate(taken[1 : 1 + _DATA]))
-            parity = sum(taken[1:-1]) % 2
-            wrong = line.character[1] != "N" and parity != (line.character[1] == "O")
-            code = ParityError.code if wrong else 0
-            found.append((edge, value, code if taken[-1] else FormError.code))
-            next_fall = max(next_fall + 1, bisect_left(falls, places[-1]))
-        columns = list(zip(*found, strict=True)) if found else [(), (), ()]
-        times, codes = np.array(columns[0], dtype=np.float64), np.array(columns[2], dtype=np.int64)
-        return Characters(times, np.array(columns[1], dtype=np.uint8), codes)
+        time, level = self.time[keep], self.level[keep] > 0.5
+        edges, first = time[1:][level[1:] != level[:-1]], int(level[0]) if level.size else 1
+        size = _DATA + (line.character[1] != "N")
+        starts, bits, _ = read_characters(edges, first, 1 / line.bit_rate, size)
+        values = np.packbits(bits[:, 1 : 1 + _DATA].astype(bool), axis=1, bitorder="little")
+        return Characters(starts, values.ravel(), error_codes(bits, line.character[1]))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the level over time [ms], with each byte above its data bits; return the axes."""

@@ -87,11 +87,7 @@ def replies(
 
 
 def compare(
-    units: Sequence[int] | Integers,
-    path: LossyPath,
-    *,
-    timeout: float = 0.5,
-    rng: Any = None,
+    units: Sequence[int] | Integers, path: LossyPath, *, timeout: float = 0.5, rng: Any = None
 ) -> pd.DataFrame:
     r"""Compare masters that check different fields of a response, on the same network.
 

@@ -96,22 +96,18 @@ class WireFault:
         """Return the fault described by text such as ``late:0.1:3``: name, probability, seconds."""
         name, *numbers = fault.split(":")
         try:
-            if len(numbers) > 2:
-                raise ValueError
-            values = [float(one) for one in numbers]
-        except ValueError:
+            return cls(name, *map(float, numbers))  # type: ignore[arg-type] # the choice is checked
+        except ArgumentError as error:
+            raise ArgumentError(f"wire fault {fault!r}: {error}") from None
+        except (TypeError, ValueError):
             raise ArgumentError(
                 f"wire fault is {fault!r}; it must be NAME, NAME:PROBABILITY or "
                 "NAME:PROBABILITY:SECONDS, such as wrong-unit:0.1"
             ) from None
-        try:
-            return cls(name, *values)  # type: ignore[arg-type] # the choice is checked
-        except ArgumentError as error:
-            raise ArgumentError(f"wire fault {fault!r}: {error}") from None
 
     def pieces(self, answer: Adu, previous: Adu | None = None, rng: Any = None) -> list[Piece]:
         """Return the silence before each piece of a response [s], and its bytes."""
-        frame, seconds, random = _frame(answer), self.seconds or 0.0, check_rng(rng)
+        frame, seconds, random = answer.frame, self.seconds or 0.0, check_rng(rng)
         unit, pdu, half = answer.unit_id, answer.pdu, len(frame) // 2
         other = replace(answer, pdu=pdu[:-1] + bytes([pdu[-1] ^ 1]))
         match self.name:
@@ -124,7 +120,7 @@ class WireFault:
             case "double":
                 frame += frame
             case "previous":
-                frame = _frame(previous or answer)
+                frame = (previous or answer).frame
             case "short":
                 frame = frame[:half]
             case "garbage-before":
@@ -132,22 +128,18 @@ class WireFault:
             case "garbage-after":
                 frame += random.bytes(_GARBAGE)
             case "wrong-unit":
-                frame = _frame(replace(other, unit_id=unit % MAX_UNIT + 1))
+                frame = replace(other, unit_id=unit % MAX_UNIT + 1).frame
             case "wrong-function":  # responses to codes 1 and 2, 3 and 4, ... differ only in code
                 code = ((pdu[0] - 1 ^ 1) + 1) % 256
-                frame = _frame(replace(other, pdu=bytes([code]) + other.pdu[1:]))
+                frame = replace(other, pdu=bytes([code]) + other.pdu[1:]).frame
             case "wrong-count" if pdu[0] in (1, 2, 3, 4):
-                frame = _frame(replace(answer, pdu=bytes([pdu[0], max(pdu[1] - 2, 0)]) + pdu[2:]))
+                frame = replace(answer, pdu=bytes([pdu[0], max(pdu[1] - 2, 0)]) + pdu[2:]).frame
             case "wrong-crc":
-                frame = _frame(other)[:-2] + frame[-2:]
+                frame = other.frame[:-2] + frame[-2:]
             case "wrong-transaction":
                 number = ((answer.transaction_id or 0) + 1) % 0x10000
-                frame = _frame(replace(other, transaction_id=number))
+                frame = replace(other, transaction_id=number).frame
         return [(0.0, frame)]
-
-
-def _frame(adu: Adu) -> bytes:
-    return adu.rtu if adu.transaction_id is None else adu.tcp
 
 
 class Wire:
@@ -165,7 +157,7 @@ class Wire:
             if draw < fault.probability:
                 return fault.pieces(answer, previous, self.rng)
             draw -= fault.probability
-        return [(0.0, _frame(answer))]
+        return [(0.0, answer.frame)]
 
 
 def check_faults(faults: WireFault | Iterable[WireFault], transport: str) -> tuple[WireFault, ...]:

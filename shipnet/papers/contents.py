@@ -52,7 +52,7 @@ class Contents:
             return f"{link(item, cell) if cell else escape(item)} ({items[item]['treatment']})"
 
         heads = ("section", "what it says", "here", "figures and tables", "claims")
-        lines = ['<table class="dataframe contents">', "<thead><tr>"]
+        lines = ['<table class="dataframe sections">', "<thead><tr>"]
         lines += [*(f"<th {LEFT}>{head}</th>" for head in heads), "</tr></thead>", "<tbody>"]
         for row in self._rows():
             pairs = [pair.split("=") for pair in row["cells"].split("; ") if pair]

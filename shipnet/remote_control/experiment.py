@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from itertools import product
+from typing import Literal
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.intervals import share_interval
 from shipnet.lazy import Axes, pd
 from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat
-from shipnet.remote_control.packet_format import PacketFormat, Shares
+from shipnet.remote_control.packet_format import Outcomes, PacketFormat
 from shipnet.remote_control.system import Supervision, System
 
 #: The ways of sending a value: only when it has changed (as printed), or in every packet.
@@ -78,44 +79,26 @@ def compare_checks(
         for rate in rates:
             for name, form in check_formats(n).items():
                 trial = form.transmit(n, rate, packets, chance)
-                low, high = share_interval(trial.undetected, trial.sent)
-                lost = trial.detected / trial.sent if trial.sent else np.nan
+                low, high = share_interval(trial.undetected, packets)
                 rows.append(
-                    (
-                        name,
-                        n,
-                        rate,
-                        form.size(n),
-                        trial.sent,
-                        trial.detected,
-                        trial.undetected,
-                        float(low),
-                        float(high),
-                        form.error_shares(n, rate).undetected,
-                        trial.missed,
-                        lost,
-                    )
+                    {
+                        "check": name,
+                        "n_items": n,
+                        "bit_error_rate": rate,
+                        "bytes": form.size(n),
+                        "sent": int(packets),
+                        "detected": trial.detected,
+                        "undetected": trial.undetected,
+                        "low": float(low),
+                        "high": float(high),
+                        "expected": form.error_shares(n, rate).undetected,
+                        "missed": trial.missed,
+                    }
                 )
-    return Comparison(tuple(rows))
+    return Comparison(pd.DataFrame(rows))
 
 
-_COLUMNS = (
-    "check",
-    "n_items",
-    "bit_error_rate",
-    "bytes",
-    "sent",
-    "detected",
-    "undetected",
-    "low",
-    "high",
-    "expected",
-    "missed",
-    "items_lost",
-)
-
-
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
     """The packets that each check detects and misses, by number of items and bit error rate.
 
@@ -126,12 +109,10 @@ class Comparison:
     Comparison(3 checks, 60000 packets, 4158 accepted with errors)
     """
 
-    _rows: tuple[tuple[object, ...], ...]
+    _table: pd.DataFrame
 
     def __repr__(self) -> str:
-        table = self.table()
-        if table.empty:
-            return "Comparison(no packets)"
+        table = self._table
         return (
             f"Comparison({table['check'].nunique()} checks, {table['sent'].sum()} packets, "
             f"{table['undetected'].sum()} accepted with errors)"
@@ -141,10 +122,10 @@ class Comparison:
         """Return one row per combination of check, number of items and bit error rate.
 
         ``low`` and ``high`` are 95 % bounds of the undetected fraction, ``expected`` is that
-        fraction by `MarkerFormat.error_shares`, ``missed`` the accepted fraction of the disturbed
-        packets, and ``items_lost`` the fraction of items in discarded packets.
+        fraction by `MarkerFormat.error_shares`, and ``missed`` the accepted fraction of the
+        disturbed packets.
         """
-        return pd.DataFrame(list(self._rows), columns=list(_COLUMNS))
+        return self._table.copy()
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the fraction of packets accepted with errors, at the first bit error rate.
@@ -153,25 +134,19 @@ class Comparison:
         """
         from shipnet.remote_control.plot import plot_checks
 
-        return plot_checks(self.table(), ax)
+        return plot_checks(self._table, ax)
 
 
 # A switch that is sent once, or repeatedly -----------------------------------------------------
 
 
-class Staleness(NamedTuple):
-    """How well a receiver follows a switch with two positions.
+def switch_staleness(
+    shares: Outcomes, period: float, interval: float, sending: Sending
+) -> tuple[float, float]:
+    r"""Return how well a receiver follows a switch with two positions, in closed form.
 
-    `share` is the fraction of time in which the receiver shows a position other than the one last
-    sent; `duration` is the mean time from a failed packet to the correct position [s].
-    """
-
-    share: float
-    duration: float
-
-
-def switch_staleness(shares: Shares, period: float, interval: float, sending: Sending) -> Staleness:
-    r"""Return how well a receiver follows a switch, in closed form.
+    The results are the fraction of time in which the receiver shows a position other than the one
+    last sent, and the mean time from a failed packet to the correct position [s].
 
     A packet is sent every `period` T [s]; the switch moves at random, with a mean `interval` tau
     [s]. Its position changes between packets with a probability f, which is 1 if only changes are
@@ -189,13 +164,13 @@ def switch_staleness(shares: Shares, period: float, interval: float, sending: Se
     spoiled = u / (1 - d)
     share = spoiled + d * flip * (1 - spoiled) / (1 - d + 2 * d * flip)
     if sending == "cyclic":
-        return Staleness(share, period / (1 - d - u))
+        return share, period / (1 - d - u)
     # An old position is correct again after the next move, even if that packet is discarded, unless
     # it is accepted with errors; a wrong position is corrected only by a correct packet.
     spoiled_moves = 1 / (1 - d - u)
     old_moves = 1 + u * spoiled_moves
     moves = (d * old_moves + u * spoiled_moves) / (d + u) if d + u else 1.0
-    return Staleness(share, interval * moves)
+    return share, interval * moves
 
 
 # Recommendation --------------------------------------------------------------------------------
@@ -241,40 +216,50 @@ def candidates(n_items: int, system: System, rate: float, stale_time: float) -> 
     longest_stale = check_scalar("stale_time", stale_time, "s", 1e-3, 1e9)
     rule = Supervision.intended()
     base = replace(system, repeat=0, slave=rule)
-    limit = rule.detection_time[0]
     rows = []
-    for name in CHECKS:
-        for per_packet in range(1, n + 1):
-            form = check_formats(per_packet)[name]
-            link = replace(base, packet_format=form)
-            cycle, n_packets = link.cycle_time, -(-n // per_packet)
-            ways: tuple[Sending, ...] = ("changed", "cyclic") if per_packet == n else ("cyclic",)
-            for sending in ways:
-                changed = sending == "changed"
-                shares = form.error_shares(1 if changed else per_packet, p)
-                # One packet per interval if only changes are sent, else four per cycle.
-                packets = 1 / _INTERVAL if changed else 4 / cycle
-                timeout = cycle / 2 if base.turn_timeout is None else base.turn_timeout
-                # A lost response delays the cycle by this time. If a turn ends before the response
-                # arrives, nothing is received at all.
-                longer = timeout - cycle / 4
-                if longer <= 0:
-                    continue
-                # Each of the four packets of a cycle may be discarded, which causes a wait.
-                period = n_packets * (cycle + 4 * shares.detected * longer)
-                wait = 0.0 if changed else longer / (1 - shares.detected - shares.undetected)
-                after = switch_staleness(shares, period, _INTERVAL, sending)
-                stale = after.duration + wait
-                wrong = _YEAR * packets * shares.undetected
-                counted = link.counted_time
-                verdicts = (wrong <= _MOST_WRONG, stale <= longest_stale, counted <= limit)
-                refresh = period / (1 - shares.detected - shares.undetected)
-                sizes = (form.size(per_packet), cycle, timeout, refresh)
-                numbers = (*sizes, wrong, stale, counted)
-                rows.append((name, sending, per_packet, *numbers, *verdicts, all(verdicts)))
-    columns = ["check", "sending", "per_packet", "bytes", "cycle_s", "turn_timeout_s"]
-    columns += ["refresh_s", "wrong_per_year", "stale_s", "counted_s"]
-    return pd.DataFrame(rows, columns=[*columns, "errors_ok", "stale_ok", "alarm_ok", "meets"])
+    for name, per_packet in product(CHECKS, range(1, n + 1)):
+        form = check_formats(per_packet)[name]
+        link = replace(base, packet_format=form)
+        cycle = link.cycle_time
+        timeout = cycle / 2 if base.turn_timeout is None else base.turn_timeout
+        # A lost response delays the cycle by this time. If a turn ends before the response arrives,
+        # nothing is received at all.
+        longer = timeout - cycle / 4
+        if longer <= 0:
+            continue
+        ways: tuple[Sending, ...] = ("changed", "cyclic") if per_packet == n else ("cyclic",)
+        for sending in ways:
+            # If only changes are sent, one packet with one item per move of the switch, else four
+            # packets per cycle.
+            changed = sending == "changed"
+            shares = form.error_shares(1 if changed else per_packet, p)
+            packets = 1 / _INTERVAL if changed else 4 / cycle
+            accepted = 1 - shares.detected - shares.undetected
+            # Each of the four packets of a cycle may be discarded, which causes a wait.
+            period = -(-n // per_packet) * (cycle + 4 * shares.detected * longer)
+            stale = switch_staleness(shares, period, _INTERVAL, sending)[1]
+            rows.append(
+                {
+                    "check": name,
+                    "sending": sending,
+                    "per_packet": per_packet,
+                    "bytes": form.size(per_packet),
+                    "cycle_s": cycle,
+                    "turn_timeout_s": timeout,
+                    "refresh_s": period / accepted,
+                    "wrong_per_year": _YEAR * packets * shares.undetected,
+                    "stale_s": stale + (0.0 if changed else longer / accepted),
+                    "counted_s": link.counted_time,
+                }
+            )
+    if not rows:
+        raise ArgumentError("turn_timeout is shorter than the shortest response, that of one item")
+    table = pd.DataFrame(rows)
+    table["errors_ok"] = table["wrong_per_year"] <= _MOST_WRONG
+    table["stale_ok"] = table["stale_s"] <= longest_stale
+    table["alarm_ok"] = table["counted_s"] <= rule.detection_time[0]
+    table["meets"] = table[["errors_ok", "stale_ok", "alarm_ok"]].all(axis=1)
+    return table
 
 
 def recommend(
@@ -326,8 +311,6 @@ def recommend(
     """
     table = candidates(n_items, system or System(), rate, stale_time)
     good = table[table["meets"]]
-    if table.empty:
-        raise ArgumentError("turn_timeout is shorter than the shortest response, that of one item")
     if good.empty:
         failed = (~table[["errors_ok", "stale_ok", "alarm_ok"]]).sum().astype(int)
         raise ArgumentError(
@@ -335,19 +318,22 @@ def recommend(
             f"too many errors pass, {failed['stale_ok']} show a wrong position for too long, and "
             f"{failed['alarm_ok']} raise false alarms"
         )
-    best = good.sort_values("refresh_s", kind="stable").iloc[0]
+    best = good.sort_values("refresh_s", kind="stable").iloc[0].to_dict()
     markers = table[(table["check"] == "markers") & (table["per_packet"] == best["per_packet"])]
-    wrong = float(markers["wrong_per_year"].max())
     most = "at most about " if best["check"] == "CRC" else ""
     why = (
-        f"markers alone would accept {wrong:.2g} wrong packets per year, and this choice {most}"
-        f"{best['wrong_per_year']:.2g}; a switch is correct again {best['stale_s']:.2g} s after "
-        f"a failed packet on average, if RCS ends a turn without a response after "
-        f"{best['turn_timeout_s']:.2g} s"
+        f"markers alone would accept {markers['wrong_per_year'].max():.2g} wrong packets per year, "
+        f"and this choice {most}{best['wrong_per_year']:.2g}; a switch is correct again "
+        f"{best['stale_s']:.2g} s after a failed packet on average, if RCS ends a turn without a "
+        f"response after {best['turn_timeout_s']:.2g} s"
     )
-    check, per_packet = str(best["check"]), int(best["per_packet"])
-    names = ("turn_timeout_s", "refresh_s", "wrong_per_year", "stale_s")
-    timeout, refresh, per_year, stale = (float(best[name]) for name in names)
     return Recommendation(
-        check, best["sending"], per_packet, timeout, refresh, per_year, stale, why
+        best["check"],
+        best["sending"],
+        best["per_packet"],
+        best["turn_timeout_s"],
+        best["refresh_s"],
+        best["wrong_per_year"],
+        best["stale_s"],
+        why,
     )

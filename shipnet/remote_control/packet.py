@@ -11,18 +11,23 @@ Sending one packet per value is the same as interpretation A with one item per p
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from decimal import Decimal, localcontext
 from functools import cache
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from shipnet.arrays import Bools, Bytes
 from shipnet.crc import MODBUS
-from shipnet.errors import FrameError
+from shipnet.errors import CrcError, FormError, FrameError
 from shipnet.fields import check_scalar, check_whole, choice, record, switch, whole
-from shipnet.remote_control.packet_format import Items, NumberCheck, PacketFormat, check_bytes
+from shipnet.remote_control.packet_format import (
+    Items,
+    NumberCheck,
+    PacketFormat,
+    check_bytes,
+    item_bytes,
+)
 
 #: The markers; K. Y. Chung and K. S. Rhyu, "A study on the communication method for a ship main
 #: engine remote control system", 1998, section 3.2.
@@ -53,20 +58,10 @@ _NUMBER_CHECKS = {
 }
 
 
-def _crc(rows: Bytes) -> npt.NDArray[np.unsignedinteger]:
-    # For a single packet, computing the CRC of a `bytes` object is faster.
-    return np.array([MODBUS.of(rows.tobytes())], np.uint16) if len(rows) == 1 else MODBUS.of(rows)
-
-
-def _crc_fits(rows: Bytes) -> Bools:
-    # A reflected CRC without final XOR is 0 over data followed by their own CRC.
-    return np.asarray(_crc(rows) == 0)
-
-
-def _with_crc(rows: Bytes) -> Bytes:
-    check, whole = _crc(rows), np.empty((len(rows), rows.shape[1] + _CRC), np.uint8)
-    whole[:, :-_CRC], whole[:, -2], whole[:, -1] = rows, check & 0xFF, check >> 8
-    return whole
+def _check_crc(data: bytes, packet: bytes) -> None:
+    """Raise an error unless the last two bytes of the data are the CRC of the bytes before."""
+    if MODBUS.of(data):  # a reflected CRC without final XOR is 0 over data and their CRC
+        raise CrcError(f"packet {packet.hex(' ')} has a CRC that does not match its bytes")
 
 
 # The printed packet ----------------------------------------------------------------------------
@@ -138,9 +133,9 @@ class MarkerFormat(PacketFormat):
         """Return a new parser; its `feed` takes a stream in pieces of any length."""
         return MarkerParser(self)
 
-    def _taken(self, stream: bytes) -> list[tuple[int, str]]:
-        parser = self.parser()
-        return [(byte, parser.read(byte)) for byte in stream]
+    def _meanings(self, stream: bytes) -> list[str]:
+        parser, packets = self.parser(), list[Items]()
+        return [parser.read(byte, packets) for byte in stream]
 
     @staticmethod
     def false_sync(n_bytes: int, markers: int = 3) -> float:
@@ -181,30 +176,25 @@ class MarkerFormat(PacketFormat):
             changed += float(np.expm1(np.log1p(-early).sum()))
         return intact * max(changed, 0.0)
 
-    def _encode_rows(self, items: Bytes) -> Bytes:
-        n_packets, n_items, _ = items.shape
-        head, lead = self.head, self.lead
-        size = self.size(n_items) - _CRC * self.crc
-        rows = np.empty((n_packets, size), np.uint8)
-        rows[:, : len(head)] = list(head)
-        groups = rows[:, len(head) : -1].reshape(n_packets, n_items, len(lead) + _ITEM)
-        groups[..., : len(lead)], groups[..., len(lead) :] = list(lead), items
-        # A reshaped part of the rows is a copy, not a view.
-        rows[:, len(head) : -1] = groups.reshape(n_packets, -1)
-        rows[:, -1] = PACKET_END
-        return _with_crc(rows) if self.crc else rows
+    def _packet(self, items: Iterable[tuple[int, int]]) -> bytes:
+        body = b"".join(self.lead + item_bytes(*item) for item in items)
+        packet = self.head + body + bytes([PACKET_END])
+        return packet + MODBUS.of(packet).to_bytes(_CRC, "little") if self.crc else packet
 
-    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
-        head, lead = len(self.head), len(self.lead)
-        end = rows.shape[1] - 1 - _CRC * self.crc
-        groups = rows[:, head:end].reshape(len(rows), n_items, lead + _ITEM)
-        formed = (rows[:, end] == PACKET_END) & (rows[:, :head] == list(self.head)).all(axis=1)
+    def _body(self, packet: bytes) -> bytes:
+        head, lead = self.head, self.lead
+        end, step = len(packet) - 1 - _CRC * self.crc, len(lead) + _ITEM
+        groups = [packet[k : k + step] for k in range(len(head), end, step)]
+        formed = packet.startswith(head) and packet[end] == PACKET_END
         if lead:
-            formed &= (groups[..., :lead] == list(self.lead)).all(axis=(1, 2))
-        else:
-            formed &= (groups[..., 0] != PACKET_END).all(axis=1)
-        checked = np.ones(len(rows), bool) if not self.crc else _crc_fits(rows)
-        return formed, checked, groups[..., lead:]
+            formed = formed and all(group.startswith(lead) for group in groups)
+        else:  # an item whose number is the end marker would end the packet
+            formed = formed and all(group[0] != PACKET_END for group in groups)
+        if not formed:
+            raise FormError(f"packet {packet.hex(' ')} does not have the form of a packet")
+        if self.crc:
+            _check_crc(packet, packet)
+        return b"".join(group[len(lead) :] for group in groups)
 
 
 class MarkerParser:
@@ -224,103 +214,73 @@ class MarkerParser:
         """Return the packets that these bytes complete."""
         packets: list[Items] = []
         for byte in check_bytes("data", data):
-            if not self._fits(byte):
-                self.discarded += len(self._packet)
-                self._packet.clear()
-                if byte != PACKET_START:
-                    self.discarded += 1
-                    continue
-            self._packet.append(byte)
-            if len(self._packet) == self._size:
-                self._finish(packets)
+            self.read(byte, packets)
         return packets
 
-    def read(self, byte: int) -> str:
-        """Read one byte, and return its meaning."""
-        complete = self.feed(bytes([byte]))
-        place, head, lead = len(self._packet) - 1, len(self._head), len(self._lead)
-        if complete:
-            return "CRC" if self._format.crc else "end of the packet"
-        if place < 0:
-            return "discarded"
-        if place < head:
-            return ("start of the packet", "start of the data")[place]
-        if self._size:
-            return "CRC" if place >= self._size - _CRC else "end of the packet"
-        within = (place - head) % (lead + _ITEM) - lead
-        return "start of the data" if within < 0 else _PARTS[within]
+    def read(self, byte: int, packets: list[Items]) -> str:
+        """Read one byte, add the packet that it completes to `packets`, and return its meaning."""
+        meaning = self._meaning(byte)
+        if not meaning:
+            self.discarded += len(self._packet)
+            self._packet.clear()
+            if byte != PACKET_START:
+                self.discarded += 1
+                return "discarded"
+            meaning = "start of the packet"
+        self._packet.append(byte)
+        if len(self._packet) == self._size:
+            try:
+                packets.append(self._format.decode(self._packet))
+            except CrcError:
+                self.discarded += self._size
+                meaning = "discarded"
+            self._packet.clear()
+        return meaning
 
-    def _fits(self, byte: int) -> bool:
-        """Return whether a byte can come next in the packet; set `_size` once its end is known."""
+    def _meaning(self, byte: int) -> str:
+        """Return what a byte means next in the packet, empty if it violates the form."""
         form, head, lead, place = self._format, self._head, self._lead, len(self._packet)
         if place < len(head):
             self._size = 0
-            return byte == head[place]
+            if byte != head[place]:
+                return ""
+            return "start of the packet" if place == 0 else "start of the data"
         if self._size:
-            return True
+            return "CRC"
         n_items, within = divmod(place - len(head), len(lead) + _ITEM)
         if within == 0 and byte == PACKET_END:
             self._size = place + 1 + _CRC * form.crc
-            return True
+            return "end of the packet"
         if n_items == form.n_numbers:
-            return False
+            return ""
         if within < len(lead):
-            return byte == lead[within]
-        if within > len(lead) or form.numbers == "any":
-            return True
-        step = len(lead) + _ITEM
-        rises = form.numbers == "known" or n_items == 0 or byte > self._packet[-step]
-        return byte < form.n_numbers and rises
-
-    def _finish(self, packets: list[Items]) -> None:
-        check, head, lead = _CRC * self._format.crc, len(self._head), len(self._lead)
-        if check and MODBUS.of(self._packet):
-            self.discarded += self._size
-        else:
-            starts = range(head + lead, self._size - 1 - check, lead + _ITEM)
-            triples = [self._packet[start : start + _ITEM] for start in starts]
-            packets.append(tuple((number, low | high << 8) for number, low, high in triples))
-        self._packet.clear()
+            return "start of the data" if byte == lead[within] else ""
+        if within == len(lead) and form.numbers != "any":
+            falls = n_items and byte <= self._packet[-len(lead) - _ITEM]
+            if byte >= form.n_numbers or (form.numbers == "rising" and falls):
+                return ""
+        return _PARTS[within - len(lead)]
 
 
 # The byte-stuffed packet -----------------------------------------------------------------------
 
 
-def stuff(data: Bytes) -> Bytes:
-    """Encode rows of up to 254 bytes by consistent overhead byte stuffing, leaving no zeros."""
-    # Every 0 becomes the distance to the next 0, and the distance to the first 0 precedes the data.
-    n_rows, size = data.shape
-    check_whole("length of data", size, 0, _SPAN)
-    rows = np.zeros((n_rows, size + 2), np.uint8)
-    rows[:, 1:-1] = data
-    places = np.arange(size + 2)
-    zero = np.where(rows == 0, places, size + 1)
-    following = np.minimum.accumulate(zero[:, :0:-1], axis=1)[:, ::-1]
-    step = (following - places[:-1]).astype(np.uint8)
-    return np.where(rows[:, :-1] == 0, step, rows[:, :-1])
+def stuff(data: bytes) -> bytes:
+    """Encode up to 254 bytes by consistent overhead byte stuffing, leaving no zeros."""
+    # Each run without zeros is preceded by the distance to the next 0, which is left out.
+    check_whole("length of data", len(data), 0, _SPAN)
+    return b"".join(bytes([len(run) + 1]) + run for run in data.split(b"\0"))
 
 
-def unstuff(rows: Bytes) -> tuple[Bools, Bytes]:
-    """Return whether each row is stuffed correctly, and its original bytes (invalid if not)."""
-    n_rows, width = rows.shape
-    good = (rows != 0).all(axis=1)
-    if n_rows == 1:  # a single packet is faster byte by byte
-        data, start = bytearray(rows.tobytes()), 0
-        while start < width and data[start]:
-            step = data[start]
-            data[start] = 0
-            start += step
-        return good & (start == width), np.frombuffer(data, np.uint8)[np.newaxis, 1:]
-    plain, row, end = rows.copy(), np.arange(n_rows), np.zeros(n_rows, np.intp)
-    place = end.copy()
-    while row.size:
-        steps = rows[row, place]
-        plain[row, place] = 0
-        place = place + steps
-        end[row] = place
-        going = (steps > 0) & (place < width)
-        row, place = row[going], place[going]
-    return good & (end == width), plain[:, 1:]
+def unstuff(code: bytes) -> bytes:
+    """Return the data that were stuffed, or raise an error if no data are stuffed like this."""
+    runs, place = [], 0
+    while place < len(code) and code[place]:
+        runs.append(code[place + 1 : place + code[place]])
+        place += code[place]
+    if place != len(code) or 0 in code:
+        raise FormError(f"bytes {code.hex(' ')} are not stuffed")
+    return b"\0".join(runs)
 
 
 @record
@@ -362,22 +322,19 @@ class CobsFormat(PacketFormat):
         """Return a new parser; its `feed` takes a stream in pieces of any length."""
         return CobsParser(self)
 
-    def _taken(self, stream: bytes) -> list[tuple[int, str]]:
+    def _meanings(self, stream: bytes) -> list[str]:
         *packets, rest = stream.split(b"\0")
-        taken: list[tuple[int, str]] = []
-        for packet in packets:
-            taken += zip(packet + b"\0", self._parts(packet), strict=True)
-        return taken + [(byte, "not complete") for byte in rest]
+        meanings = [meaning for packet in packets for meaning in self._parts(packet)]
+        return meanings + ["not complete"] * len(rest)
 
     def _parts(self, packet: bytes) -> list[str]:
         """Return the meaning of each byte of a packet and of the 0 that ends it."""
         try:
-            self.decode(packet + b"\0")
+            items = self.decode(packet + b"\0")
         except FrameError:
             return ["discarded"] * (len(packet) + 1)
-        n_items = (len(packet) - 3) // 3
-        parts = [f"distance to the first 0: {packet[0]}", *n_items * _PARTS, "CRC", "CRC"]
         place = packet[0]
+        parts = [f"distance to the first 0: {place}", *len(items) * _PARTS, "CRC", "CRC"]
         while place < len(packet):
             parts[place] += f", a 0; distance to the next: {packet[place]}"
             place += packet[place]
@@ -385,23 +342,22 @@ class CobsFormat(PacketFormat):
 
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
         """Return an estimate, usually too high, of the fraction accepted with errors."""
-        # Undetected single-bit errors are counted by trying every bit. Two or more inverted bits
-        # are treated as noise, of which a fraction of 2**-16 passes. Of four million pairs of
-        # inverted bits, none passed.
+        # No single inverted bit passes. Two or more are treated as noise, of which a fraction of
+        # 2**-16 passes. Of four million pairs of inverted bits, none passed.
         bits = 8 * self.size(n_items)
         single = bits * p * (1 - p) ** (bits - 1)
-        return self.undetected_flips(n_items) * single + max(hit - single, 0.0) * 2.0**-_CRC_BITS
+        return max(hit - single, 0.0) * 2.0**-_CRC_BITS
 
-    def _encode_rows(self, items: Bytes) -> Bytes:
-        data = _with_crc(items.reshape(len(items), -1))
-        rows = np.zeros((len(data), data.shape[1] + 2), np.uint8)
-        rows[:, :-1] = stuff(data)
-        return rows
+    def _packet(self, items: Iterable[tuple[int, int]]) -> bytes:
+        data = b"".join(item_bytes(*item) for item in items)
+        return stuff(data + MODBUS.of(data).to_bytes(_CRC, "little")) + b"\0"
 
-    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
-        formed, data = unstuff(rows[:, :-1])
-        formed &= rows[:, -1] == 0
-        return formed, _crc_fits(data), data[:, :-2].reshape(len(rows), n_items, 3)
+    def _body(self, packet: bytes) -> bytes:
+        if packet[-1] != 0:
+            raise FormError(f"packet {packet.hex(' ')} does not end with 0")
+        data = unstuff(packet[:-1])
+        _check_crc(data, packet)
+        return data[:-_CRC]
 
 
 class CobsParser:

@@ -1,20 +1,18 @@
-"""Code shared by the two packet formats: items, batches of packets, and effects of bit errors.
+"""Code shared by the two packet formats: items, streams, and effects of bit errors.
 
 Bits are inverted independently with a probability p; start and stop bits are not modelled.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from shipnet.arrays import Bools, Bytes, Integers, Words
-from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
+from shipnet.arrays import Bytes, Integers
+from shipnet.errors import ArgumentError, FieldError, FrameError, LengthError
 from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.lazy import pd
 
@@ -28,14 +26,6 @@ NumberCheck = Literal["any", "known", "rising"]
 #: Packets processed at a time.
 _CHUNK = 1 << 16
 
-#: The fault of a rejected packet; the last text continues with the legal numbers.
-_FAULTS: Mapping[type[FrameError], str] = {
-    LengthError: "has a length that no number of items gives",
-    FormError: "does not have the form of a packet",
-    CrcError: "has a CRC that does not match its bytes",
-    FieldError: "has numbers that are not all",
-}
-
 
 def check_bytes(name: str, data: object) -> bytes:
     """Return data as bytes, or raise an error; `bytes` would turn an integer n into n zeros."""
@@ -47,26 +37,12 @@ def check_bytes(name: str, data: object) -> bytes:
 # Outcomes of packets ---------------------------------------------------------------------------
 
 
-class Shares(NamedTuple):
-    """The outcomes of packets as fractions of all; `undetected` means accepted with errors."""
+class Outcomes(NamedTuple):
+    """The outcomes of packets, as counts or fractions; `undetected` means accepted with errors."""
 
     intact: float
     detected: float
     undetected: float
-
-
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """Counts of packets: sent over a disturbed line, detected as wrong, accepted with errors."""
-
-    sent: int
-    detected: int
-    undetected: int
-
-    @property
-    def intact(self) -> int:
-        """Number of packets accepted as they were sent."""
-        return self.sent - self.detected - self.undetected
 
     @property
     def missed(self) -> float:
@@ -79,27 +55,12 @@ class Trial:
 
 
 class Parser(Protocol):
-    """Finds the packets in a stream of bytes."""
+    """Finds the packets in a stream; `discarded` counts the bytes that are not part of one."""
 
-    #: Bytes discarded so far, because they are not part of a packet.
     discarded: int
 
     def feed(self, data: bytes) -> list[Items]:
         """Return the packets that these bytes complete."""
-
-
-class Decoded(NamedTuple):
-    """The result of decoding many packets: error codes (0 for none), and the accepted items."""
-
-    error: Bytes
-    numbers: Bytes
-    values: Words
-
-    @property
-    def accepted(self) -> Bools:
-        """Whether each packet is accepted, shape (n_packets,)."""
-        accepted: Bools = self.error == 0
-        return accepted
 
 
 class PacketFormat:
@@ -121,12 +82,8 @@ class PacketFormat:
         if not isinstance(items, Mapping):
             raise ArgumentError(f"items is {items!r}; it must map numbers to values")
         numbers = sorted(check_whole("number", number, 0, self.n_numbers - 1) for number in items)
-        triples = []
-        for number in numbers:
-            value = check_whole(f"value of item {number}", items[number], 0, 0xFFFF)
-            triples.append((number, value & 0xFF, value >> 8))
-        row = np.array(triples, np.uint8).reshape(1, len(numbers), 3)
-        return self._encode_rows(row).tobytes()
+        values = [check_whole(f"value of item {k}", items[k], 0, 0xFFFF) for k in numbers]
+        return self._packet(zip(numbers, values, strict=True))
 
     def decode(self, packet: bytes | bytearray) -> Items:
         """Return the numbers and values in one packet.
@@ -134,12 +91,19 @@ class PacketFormat:
         Raises `LengthError`, `FormError`, `CrcError` or `FieldError` (a number is rejected).
         """
         data = check_bytes("packet", packet)
-        decoded = self.decode_batch(np.frombuffer(data, np.uint8)[np.newaxis])
-        for fault, why in _FAULTS.items():
-            if decoded.error[0] == fault.code:
-                legal = f" 0..{self.n_numbers - 1}" + " and rising" * (self.numbers == "rising")
-                raise fault(f"packet {data.hex(' ')} {why}{legal * (fault is FieldError)}")
-        return tuple(zip(decoded.numbers[0].tolist(), decoded.values[0].tolist(), strict=True))
+        n_items, rest = divmod(len(data) - self.size(0), self.size(1) - self.size(0))
+        if rest or not 0 <= n_items <= self.n_numbers:
+            raise LengthError(f"packet {data.hex(' ')} has a length that no number of items gives")
+        body = self._body(data)
+        items = tuple((body[k], body[k + 1] | body[k + 2] << 8) for k in range(0, len(body), 3))
+        legal = self.numbers == "any" or all(number < self.n_numbers for number, _ in items)
+        if self.numbers == "rising":
+            legal = legal and all(one < following for (one, _), (following, _) in pairwise(items))
+        if not legal:
+            rising = " and rising" if self.numbers == "rising" else ""
+            needed = f"0..{self.n_numbers - 1}{rising}"
+            raise FieldError(f"packet {data.hex(' ')} has numbers that are not all {needed}")
+        return items
 
     def parser(self) -> Parser:
         """Return a new parser."""
@@ -150,11 +114,11 @@ class PacketFormat:
 
         The first byte is at place `start` of a ring of 128 bytes.
         """
-        size = 128
-        taken = self._taken(check_bytes("stream", stream))
+        data, size = check_bytes("stream", stream), 128
         start = check_whole("start", start, 0, size - 1)
-        rows = [((start + k) % size, f"0x{byte:02X}", what) for k, (byte, what) in enumerate(taken)]
-        return pd.DataFrame(rows, columns=["place", "byte", "taken_as"])
+        places = [(start + k) % size for k in range(len(data))]
+        shown = [f"0x{byte:02X}" for byte in data]
+        return pd.DataFrame({"place": places, "byte": shown, "taken_as": self._meanings(data)})
 
     def stream(self, n_bytes: int, items: int | None = None) -> bytes:
         """Return `n_bytes` of packets sent without pauses.
@@ -166,52 +130,7 @@ class PacketFormat:
         count = check_whole("n_bytes", n_bytes, 0, 10**6)
         return (packet * (count // len(packet) + 1))[:count]
 
-    def encode_batch(self, numbers: npt.ArrayLike, values: npt.ArrayLike) -> Bytes:
-        """Return many packets as rows of bytes, each as returned by `encode`.
-
-        `values` has the shape (n_packets, n_items); `numbers`, in ascending order in each row, has
-        the same shape or (n_items,).
-        """
-        value = _whole("values", values, 0xFFFF)
-        number = _whole("numbers", numbers, self.n_numbers - 1)
-        if value.ndim != 2 or number.shape not in (value.shape, value.shape[1:]):
-            raise ArgumentError(
-                f"numbers and values have the shapes {number.shape} and {value.shape}; values "
-                "must be (n_packets, n_items), and numbers the same or (n_items,)"
-            )
-        if (np.diff(number, axis=-1) <= 0).any():
-            raise ArgumentError("numbers must be in ascending order in each row")
-        n_packets, n_items = value.shape
-        items = np.empty((n_packets, n_items, 3), np.uint8)
-        items[..., 0], items[..., 1], items[..., 2] = number, value & 0xFF, value >> 8
-        return self._encode_rows(items)
-
-    def decode_batch(self, packets: npt.ArrayLike) -> Decoded:
-        """Decode uint8 rows of equal length, each as `decode` does.
-
-        A rejected row has an error code, and its items are 0.
-        """
-        rows = np.asarray(packets)
-        if rows.dtype != np.uint8 or rows.ndim != 2:
-            raise ArgumentError(
-                f"packets must be a 2-D uint8 array, got {rows.dtype}, {rows.ndim}-D"
-            )
-        step = self.size(1) - self.size(0)
-        n_items, rest = divmod(rows.shape[1] - self.size(0), step)
-        if rest or not 0 <= n_items <= self.n_numbers:
-            error = np.full(len(rows), LengthError.code, np.uint8)
-            none = np.zeros((len(rows), 0), np.uint8)
-            return Decoded(error, none, none.astype(np.uint16))
-        formed, checked, items = self._decode_rows(rows, n_items)
-        numbers = items[..., 0]
-        error = np.where(self._accepts(numbers), 0, FieldError.code).astype(np.uint8)
-        error[~checked] = CrcError.code
-        error[~formed] = FormError.code
-        values = items[..., 1] | items[..., 2].astype(np.uint16) << 8
-        good = (error == 0)[:, None]
-        return Decoded(error, numbers * good, values * good)
-
-    def error_shares(self, n_items: int, rate: float) -> Shares:
+    def error_shares(self, n_items: int, rate: float) -> Outcomes:
         """Return the fractions of intact, detected and undetected packets, in closed form.
 
         Bits are inverted independently with probability `rate`, 0..0.5; start and stop bits are
@@ -223,7 +142,7 @@ class PacketFormat:
         # 1 - intact, computed without cancellation for small p.
         hit = -float(np.expm1(bits * np.log1p(-p)))
         undetected = self._undetected(n, p, hit)
-        return Shares((1 - p) ** bits, hit - undetected, undetected)
+        return Outcomes((1 - p) ** bits, hit - undetected, undetected)
 
     def undetected_flips(self, n_items: int) -> float:
         r"""Return the fraction of single-bit errors that a receiver does not detect.
@@ -234,87 +153,82 @@ class PacketFormat:
 
         for n items in a packet of L bytes, unless a bit turns a number into 0xEE.
         """
-        return _single_flip_share(self, check_whole("n_items", n_items, 0, self.n_numbers))
+        n = check_whole("n_items", n_items, 0, self.n_numbers)
+        packet = self.encode(dict.fromkeys(range(n), 0))
+        bits = range(8 * len(packet))
+        return sum(self._read(flipped(packet, [bit])) is not None for bit in bits) / len(bits)
 
     def transmit(
         self, n_items: int, rate: float, packets: int, rng: np.random.Generator | int | None = None
-    ) -> Trial:
-        """Send packets; return how many are detected as wrong, and how many accepted with errors.
+    ) -> Outcomes:
+        """Send packets; return how many arrive intact, are detected as wrong, or are undetected.
 
         The values are random, and bits are inverted with the probability `rate`, 0..0.5.
         """
         outcomes = self.outcomes(n_items, rate, packets, check_rng(rng))
-        return Trial(outcomes.size, *np.bincount(outcomes, minlength=3)[1:].tolist())
+        return Outcomes(*np.bincount(outcomes, minlength=3).tolist())
 
     def outcomes(self, n_items: int, rate: float, packets: int, rng: np.random.Generator) -> Bytes:
         """Return the outcomes of packets with random values: 0 intact, 1 detected, 2 undetected."""
-        # The gaps between inverted bits are drawn at random, not the bits themselves. Only packets
-        # with inverted bits are built and checked, because all others are accepted.
+        # Only packets with inverted bits are built and checked, because all others are accepted.
         p = check_scalar("rate", rate, "", 0, 0.5)
         n = check_whole("packets", packets, 0, 10**9)
-        items = check_whole("n_items", n_items, 0, self.n_numbers)
-        size = self.size(items)
+        n_items = check_whole("n_items", n_items, 0, self.n_numbers)
+        bits = 8 * self.size(n_items)
         outcome = np.zeros(n, np.uint8)
-        numbers = np.arange(items)
         for first in range(0, n, _CHUNK):
-            count = min(_CHUNK, n - first)
-            place = _hits(8 * size * count, p, rng)
-            if place.size == 0:
-                continue
-            hit, row = np.unique(place // (8 * size), return_inverse=True)
-            values = rng.integers(0, 1 << 16, (hit.size, items), dtype=np.uint16)
-            rows = self.encode_batch(numbers, values)
-            bit = place % (8 * size)
-            masks = (0x80 >> (bit & 7)).astype(np.uint8)
-            np.bitwise_xor.at(rows.reshape(-1), row * size + (bit >> 3), masks)
-            checked = self.decode_batch(rows)
-            same = (checked.numbers == numbers).all(axis=1) & (checked.values == values).all(axis=1)
-            outcome[first + hit] = np.where(checked.accepted, np.where(same, 0, 2), 1)
+            place = _hits(bits * min(_CHUNK, n - first), p, rng)
+            hit, start = np.unique(place // bits, return_index=True)
+            values = rng.integers(0, 1 << 16, (hit.size, n_items), dtype=np.uint16)
+            flips = np.split(place % bits, start[1:])
+            for k, row, inverted in zip(hit, values.tolist(), flips, strict=False):
+                items = tuple(enumerate(row))
+                received = self._read(flipped(self._packet(items), inverted.tolist()))
+                if received is None:
+                    outcome[first + k] = 1
+                elif received != items:
+                    outcome[first + k] = 2
         return outcome
+
+    def _read(self, packet: bytes) -> Items | None:
+        """Return the items in a packet, or None if it is rejected."""
+        try:
+            return self.decode(packet)
+        except FrameError:
+            return None
 
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
         """Return the fraction of packets accepted with errors if a fraction `hit` is disturbed."""
         raise NotImplementedError
 
-    def _taken(self, stream: bytes) -> list[tuple[int, str]]:
+    def _meanings(self, stream: bytes) -> list[str]:
         raise NotImplementedError
 
-    def _encode_rows(self, items: Bytes) -> Bytes:
+    def _packet(self, items: Iterable[tuple[int, int]]) -> bytes:
+        """Return the packet of numbers and values."""
         raise NotImplementedError
 
-    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
-        """Return, by row, whether the form is correct, whether the CRC matches, and the items."""
+    def _body(self, packet: bytes) -> bytes:
+        """Return the bytes of the items, or raise an error if form or CRC is wrong."""
         raise NotImplementedError
 
-    def _accepts(self, numbers: Bytes) -> Bools:
-        """Return, for each row, whether the receiver accepts its numbers."""
-        if self.numbers == "any":
-            return np.ones(len(numbers), bool)
-        accepts: Bools = np.all(numbers < self.n_numbers, axis=1)
-        if self.numbers == "rising":
-            accepts &= np.all(numbers[:, 1:] > numbers[:, :-1], axis=1)
-        return accepts
+
+def item_bytes(number: int, value: int) -> bytes:
+    """Return an item: number, low byte, high byte."""
+    return bytes([number, value & 0xFF, value >> 8])
 
 
-def _whole(name: str, values: npt.ArrayLike, highest: int) -> Integers:
-    try:
-        array = np.asarray(values)
-    except ValueError:
-        raise ArgumentError(f"{name} must be whole numbers, in rows of equal length") from None
-    if array.size and (array.dtype.kind not in "iu" or array.min() < 0 or array.max() > highest):
-        raise ArgumentError(f"{name} must be whole numbers 0..{highest}")
-    return array.astype(np.int64)
-
-
-@cache
-def _single_flip_share(packet_format: PacketFormat, n_items: int) -> float:
-    frame = np.frombuffer(packet_format.encode(dict.fromkeys(range(n_items), 0)), np.uint8)
-    flipped = frame ^ np.packbits(np.eye(8 * frame.size, dtype=np.uint8), axis=1)
-    return float(packet_format.decode_batch(flipped).accepted.mean())
+def flipped(packet: bytes, bits: Iterable[int]) -> bytes:
+    """Return a packet with these bits inverted, counted from the highest bit of the first byte."""
+    data = bytearray(packet)
+    for bit in bits:
+        data[bit >> 3] ^= 0x80 >> (bit & 7)
+    return bytes(data)
 
 
 def _hits(n_bits: int, p: float, rng: np.random.Generator) -> Integers:
     """Return random places of inverted bits among `n_bits` bits, in ascending order."""
+    # The gaps between inverted bits are drawn at random, not the bits themselves.
     if p == 0 or n_bits == 0:
         return np.zeros(0, np.int64)
     parts, reached = [], -1

@@ -1,14 +1,14 @@
 """The receive ring: an interrupt stores bytes, and a task extracts them later.
 
-`PrintedRing` is the program of chung1998, and `CountingRing` a corrected one. `Ring` runs either of
-them and counts what a program cannot know: which bytes are lost, and which are read twice.
+`PrintedRing` is the program of chung1998. `Ring` runs it, or a corrected reader, and counts what a
+program cannot know: which bytes are lost, and which are read twice.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from copy import copy
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
@@ -132,38 +132,6 @@ class PrintedRing:
         return State(self.no, self.ring_f, self.get_no, self.ring_get_f)
 
 
-class CountingRing:
-    """A corrected ring: writer and reader count their bytes without returning to 0."""
-
-    def __init__(self, size: int) -> None:
-        self.size, self.cells = size, bytearray(size)
-        self.stored = self.extracted = 0
-
-    def store(self, byte: int) -> None:
-        """Store a byte, as the receive interrupt does, regardless of the reader."""
-        self.cells[self.stored % self.size] = byte
-        self.stored += 1
-
-    def extract(self) -> tuple[Action, int | None]:
-        """Do one step of the reader; return the action, and the byte if one was read."""
-        unread = self.stored - self.extracted
-        if unread == 0:
-            return "wait", None
-        if unread > self.size:
-            self.extracted = self.stored - self.size
-            return "repair", None
-        byte = self.cells[self.extracted % self.size]
-        self.extracted += 1
-        return "take", byte
-
-    @property
-    def state(self) -> State:
-        """The four variables that a `PrintedRing` would have."""
-        ring_f, no = divmod(self.stored % (2 * self.size), self.size)
-        ring_get_f, get_no = divmod(self.extracted % (2 * self.size), self.size)
-        return State(no, ring_f, get_no, ring_get_f)
-
-
 class Ring:
     """A receive ring that is written and read step by step.
 
@@ -224,11 +192,7 @@ class Ring:
         self.size = check_whole("size", size, 2, 65536)
         check_choice("rule", rule, get_args(Rule))
         self.rule: Rule = rule
-        self._program: PrintedRing | CountingRing
-        if rule == "corrected":
-            self._program = CountingRing(self.size)
-        else:
-            self._program = PrintedRing(self.size, empty_is_data=rule == "printed")
+        self._program = PrintedRing(self.size, empty_is_data=rule == "printed")
         self.written = self.lost = self.stale = 0
         # The first byte that was neither read nor skipped, counted from the first byte stored.
         self._due = 0
@@ -276,9 +240,7 @@ class Ring:
 
     def copy(self) -> Ring:
         """Return an independent copy of the ring."""
-        other, other._program = copy(self), copy(self._program)
-        other._program.cells = bytearray(self._program.cells)
-        return other
+        return deepcopy(self)
 
     def store(self, byte: int) -> None:
         """Store a byte, as the receive interrupt does, regardless of the reader."""
@@ -293,7 +255,7 @@ class Ring:
     def extract(self) -> Step:
         """Do one step of the reader."""
         before = self.state
-        action, byte = self._program.extract()
+        action, byte = self._extract() if self.rule == "corrected" else self._program.extract()
         if action == "take":
             # The cell holds the last byte that was stored in it.
             first = self.written - 1 - (self.written - 1 - before.get_no) % self.size
@@ -307,6 +269,19 @@ class Ring:
         self.stale += stale
         self._due = max(self._due, following)
         return Step(before.case, action, byte, lost, stale)
+
+    def _extract(self) -> tuple[Action, int | None]:
+        """Do one step of the corrected reader, which counts bytes without returning to 0."""
+        program = self._program
+        if self.unread == 0:
+            return "wait", None
+        if self.unread > self.size:
+            # The oldest byte is at the writer's place, one lap behind it.
+            program.get_no, program.ring_get_f = program.no, 1 - program.ring_f
+            return "repair", None
+        byte = program.cells[program.get_no]
+        program.raise_get_no()
+        return "take", byte
 
     def drain(self) -> list[Step]:
         """Read until the reader waits or stops, as the task does; return the steps."""
@@ -332,16 +307,12 @@ class Ring:
         seen, rows, waiting = {_key(start)}, [], deque([start])
         while waiting:
             ring = waiting.popleft()
-            after = ring.copy()
+            after, more = ring.copy(), ring.copy()
             step = after.extract()
+            more.store(PACKET_START)
             row = (*ring.state, ring.unread, ring.written < ring.size)
             rows.append((*row, step.case, step.action, step.lost, step.stale))
-            following = [after]
-            if ring.unread < limit:
-                more = ring.copy()
-                more.store(PACKET_START)
-                following.append(more)
-            for other in following:
+            for other in (after, more) if ring.unread < limit else (after,):
                 if _key(other) not in seen:
                     seen.add(_key(other))
                     waiting.append(other)
@@ -361,16 +332,7 @@ class Ring:
         """
         from shipnet.remote_control.plot import plot_ring
 
-        held = range(max(0, self.written - min(self.unread, self.size)), self.written)
-        return plot_ring(
-            [f"{byte:02X}" if k < self.written else "" for k, byte in enumerate(self.cells)],
-            {count % self.size for count in held},
-            {"no": self.state.no, "get_no": self.state.get_no},
-            f"ring_f = {self.state.ring_f}, ring_get_f = {self.state.ring_get_f}\n"
-            f"case {self.case}, {self.unread} unread",
-            overrun=self.unread > self.size,
-            ax=ax,
-        )
+        return plot_ring(self, ax)
 
 
 def _key(ring: Ring) -> tuple[int, ...]:
@@ -386,9 +348,8 @@ class RingCases:
 
     def _shown(self) -> npt.NDArray[np.str_]:
         """Return the case by the writer's lead and the reader's place."""
-        lead, place = np.ogrid[: _LAPS * self.size, : self.size]
-        no, same = (lead + place) % self.size, (lead + place) // self.size % 2 == 0
-        return np.where(same, np.where(no >= place, "b", "a"), np.where(no >= place, "c", "d"))
+        leads, places = range(_LAPS * self.size), range(self.size)
+        return np.array([[case_of(place, lead, self.size) for place in places] for lead in leads])
 
     def table(self) -> pd.DataFrame:
         """Return how many pairs of writer's lead and reader's place show each case, by lap.

@@ -10,16 +10,15 @@ import re
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from shipnet.arrays import Bools, Floats, Integers
-from shipnet.errors import ArgumentError, FormError, InputError, ParityError, name_of
+from shipnet.arrays import Floats
+from shipnet.errors import ArgumentError, InputError, name_of
 from shipnet.fields import check_scalar
 from shipnet.lazy import pd
 from shipnet.line.scope_file import Edges, bit_time, read_edges
-from shipnet.modbus.uart import SerialLine, Waveform
+from shipnet.modbus.uart import SerialLine, Waveform, error_codes, read_characters
 
 #: Data bits and parity that are tried.
 _FORMS = tuple((data, parity) for data in (8, 7) for parity in "NEO")
@@ -31,42 +30,14 @@ _HEAD, _GLITCH = 600, 1 / 3
 _FEWEST, _EDGES = 2.0, 2**22
 
 
-class _Reading(NamedTuple):
-    """Characters read with one bit rate and one character format; times in samples."""
-
-    starts: Floats
-    bits: Integers  # (characters, bits): start, data, parity if any, first stop bit
-    false: int  # false starts, which ended before the middle of the start bit
-
-
-def _read(places: Floats, first: int, bit: float, size: int) -> _Reading:
-    """Sample characters of `size` bits between start and stop bit, timed from their start bits."""
-    falls = places[first ^ 1 :: 2]
-
-    def level(times: Floats) -> Integers:
-        return np.asarray((np.searchsorted(places, times, side="right") + first) & 1)
-
-    begun = level(falls + bit / 2) == 0
-    resume = falls + np.where(begun, size + 1.5, 0.5) * bit
-    follow = np.maximum(np.searchsorted(falls, resume), np.arange(len(falls)) + 1).tolist()
-    taken, at = [], 0
-    while at < len(falls):
-        taken.append(at)
-        at = follow[at]
-    chosen = np.array(taken, dtype=int)
-    starts = falls[chosen[begun[chosen]]]
-    bits = level(starts[:, np.newaxis] + (np.arange(size + 2) + 0.5) * bit)
-    return _Reading(starts, bits, len(chosen) - len(starts))
-
-
-def _fit(places: Floats, reading: _Reading, bit: float) -> tuple[float, float]:
+def _fit(places: Floats, starts: Floats, bit: float, size: int) -> tuple[float, float]:
     """Return the bit time fitted to the edges within characters, and their rms deviation [bit]."""
-    if not len(reading.starts):
+    if not len(starts):
         return bit, 0.5
-    own = np.searchsorted(reading.starts, places, side="right") - 1
-    since = places - reading.starts[np.maximum(own, 0)]
+    character = np.searchsorted(starts, places, side="right") - 1
+    since = places - starts[np.maximum(character, 0)]
     number = np.rint(since / bit)
-    inside = (own >= 0) & (number >= 1) & (number < reading.bits.shape[1])
+    inside = (character >= 0) & (number >= 1) & (number < size + 2)
     near = inside & (np.abs(since - number * bit) < 0.3 * bit)
     if not near.any():
         return bit, 0.5
@@ -78,7 +49,7 @@ def _tuned(places: Floats, first: int, bit: float, size: int) -> float:
     """Return the bit time after a few rounds of reading and fitting."""
     begin = bit
     for _ in range(6):
-        fitted, _ = _fit(places, _read(places, first, bit, size), bit)
+        fitted, _ = _fit(places, read_characters(places, first, bit, size)[0], bit, size)
         if not 0.9 < fitted / begin < 1.1 or abs(fitted / bit - 1) < 1e-7:
             break
         bit = fitted
@@ -87,8 +58,6 @@ def _tuned(places: Floats, first: int, bit: float, size: int) -> float:
 
 def _without_glitches(places: Floats, bit: float) -> Floats:
     """Return the edges without pairs that are closer together than the longest glitch."""
-    if not (np.diff(places) < _GLITCH * bit).any():
-        return places
     kept: list[float] = []
     for place in places.tolist():
         if kept and place - kept[-1] < _GLITCH * bit:
@@ -98,48 +67,34 @@ def _without_glitches(places: Floats, bit: float) -> Floats:
     return np.array(kept)
 
 
-def _faults(reading: _Reading, parity: str) -> tuple[Bools, Bools]:
-    """Return which characters have a framing error, and which a parity error."""
-    framing = reading.bits[:, -1] == 0
-    if parity == "N":
-        return framing, np.zeros(len(framing), dtype=bool)
-    odd = reading.bits[:, 1:-1].sum(axis=1) & 1
-    return framing, ~framing & (odd != (parity == "O"))
-
-
-def _found(
+def _best(
     edges: Edges, first: int, bit: float | None, form: tuple[int, str] | None
 ) -> tuple[float, tuple[int, str]]:
     """Return the bit time and format with the fewest faults, preferring long bits and parity."""
     head = np.asarray(edges.places[:_HEAD], dtype=float)
     runs = np.diff(head)
-    guesses = (
-        {bit}
-        if bit
-        else {
-            float(np.quantile(runs, q)) / part for q in (0.1, 0.3, 0.5, 0.6) for part in (1, 2, 3)
-        }
-        | {bit_time(edges._replace(places=head), 9)}
-    )
+    if bit:
+        guesses = {bit}
+    else:
+        guesses = {float(np.quantile(runs, q)) / k for q in (0.1, 0.3, 0.5, 0.6) for k in (1, 2, 3)}
+        guesses.add(bit_time(edges._replace(places=head), 9))
     best = (np.inf, bit or max(guesses), form or _FORMS[0])
-    for guess in sorted(guesses):
-        if guess < _FEWEST:
-            continue
+    for guess in sorted(guess for guess in guesses if guess >= _FEWEST):
         clean = _without_glitches(head, guess)
         for data, parity in [form] if form else _FORMS:
             size = data + (parity != "N")
-            own = bit or _tuned(clean, first, guess, size)
-            reading = _read(clean, first, own, size)
-            if not len(reading.starts):
+            fitted = bit or _tuned(clean, first, guess, size)
+            starts, bits, _ = read_characters(clean, first, fitted, size)
+            if not len(starts):
                 continue
-            off = _fit(clean, reading, own)[1]
-            wrong = np.logical_or(*_faults(reading, parity)).mean()
-            gone = (len(head) - len(clean)) / len(head)
-            score = wrong + gone + 2 * max(0.0, off - 0.5 * edges.width / own - 0.02)
+            off = _fit(clean, starts, fitted, size)[1]
+            score = (error_codes(bits, parity) > 0).mean()
+            score += (len(head) - len(clean)) / len(head)
+            score += 2 * max(0.0, off - 0.5 * edges.width / fitted - 0.02)
             # Prefer longer bits, because half the bit time also fits, and parity, because without
             # it only stop bits can be wrong.
-            score += -0.5 * np.log2(own / runs.max()) + 0.02 * (parity == "N") - 0.01 * data
-            best = min(best, (score, own, (data, parity)))
+            score += -0.5 * np.log2(fitted / runs.max()) + 0.02 * (parity == "N") - 0.01 * data
+            best = min(best, (score, fitted, (data, parity)))
     return best[1:]
 
 
@@ -185,11 +140,15 @@ class SerialCapture:
 
     def __repr__(self) -> str:
         errors = self._table["error"]
-        counts = [((errors == "FormError").sum(), "framing error")]
-        counts += [((errors == "ParityError").sum(), "parity error"), (self.glitches, "glitch")]
+        counts = {
+            "framing error": (errors == "FormError").sum(),
+            "parity error": (errors == "ParityError").sum(),
+            "glitch": self.glitches,
+        }
+        plural = {"glitch": "es"}
         parts = [
-            f"{n} {what}{'' if n == 1 else 'es' if what == 'glitch' else 's'}"
-            for n, what in counts
+            f"{n} {what}{'' if n == 1 else plural.get(what, 's')}"
+            for what, n in counts.items()
             if n
         ]
         read = f"{len(errors)} characters {self.character} at {self.bit_rate:.6g} bit/s"
@@ -271,42 +230,38 @@ def read_capture(
     first = edges.first if rests else edges.first ^ 1
     places = np.asarray(edges.places, dtype=float)
     if len(places) >= 2:
-        bit, form = _found(edges, first, bit, form)
+        bit, form = _best(edges, first, bit, form)
     data, parity = form or _FORMS[0]
     if bit is None or bit < _FEWEST:
         raise InputError(str(file), "fewer than 2 samples per bit")
-    # The sender's clock is independent of the receiver's clock.
-    own = _found(edges, first, None, (data, parity))[0] if len(places) >= 4 else bit
     size = data + (parity != "N")
-    own = _tuned(_without_glitches(places, own), first, own, size)
-    bit = bit if rate else own
+    # The sender's clock is independent of the receiver's clock.
+    sent = _best(edges, first, None, (data, parity))[0] if len(places) >= 4 else bit
+    sent = _tuned(_without_glitches(places, sent), first, sent, size)
+    bit = bit if rate else sent
     clean = _without_glitches(places, bit)
-    reading = _read(clean, first, bit, size)
-    framing, wrong = _faults(reading, parity)
-    code = np.where(framing, FormError.code, np.where(wrong, ParityError.code, 0))
-    name = {int(one): name_of(int(one)) for one in np.unique(code)}
-    rest = np.diff(reading.starts) / bit - (size + 1)
+    starts, bits, false_starts = read_characters(clean, first, bit, size)
+    rest = np.diff(starts) / bit - (size + 1)
     stops = 2 if len(rest) > 4 and np.quantile(rest, 0.05) > 1.75 else 1
-    found = character or f"{data}{parity}{stops}"
+    character = character or f"{data}{parity}{stops}"
     rate = rate or 1 / (bit * edges.dt)
     waveform = None
     if data == 8:
         times = np.concatenate([[0.0], places]) * edges.dt
         levels = ((np.arange(len(times)) + first) & 1).astype(np.float64)
-        waveform = Waveform(times, levels, SerialLine(rate, found))
+        waveform = Waveform(times, levels, SerialLine(rate, character))
     columns = {
-        "start_s": reading.starts * edges.dt,
-        "value": reading.bits[:, 1 : data + 1] @ (1 << np.arange(data)),
-        "error": [name[int(one)] for one in code],
+        "start_s": starts * edges.dt,
+        "value": bits[:, 1 : data + 1] @ (1 << np.arange(data)),
+        "error": [name_of(code) for code in error_codes(bits, parity).tolist()],
     }
-    glitches = (len(places) - len(clean)) // 2 + reading.false
     return SerialCapture(
         rate,
-        1 / (own * edges.dt),
-        found,
+        1 / (sent * edges.dt),
+        character,
         waveform,
         edges.samples * edges.dt,
         edges.channel,
-        glitches,
+        (len(places) - len(clean)) // 2 + false_starts,
         pd.DataFrame(columns),
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from heapq import heappop, heappush
 from itertools import count
 from math import inf, nan
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -27,6 +27,9 @@ _FORWARDED = {"BCS": ("SS", forwarded("BCS", "SS")), "SS": ("BCS", forwarded("SS
 
 #: Largest number of bytes and ticks in a simulation.
 _MOST_EVENTS = 20_000_000
+
+#: Time and order of an event, the turn of the station that it belongs to, and what it does.
+_Event: TypeAlias = "tuple[float, int, Station | None, int, Callable[..., None], tuple[Any, ...]]"
 
 
 # Changes and results ---------------------------------------------------------------------------
@@ -115,8 +118,7 @@ class Run:
     _states: list[tuple[float, str, State]] = field(default_factory=list)
 
     def __repr__(self) -> str:
-        alarms = sum(event[2] == "failed" for event in self._events)
-        return f"Run({self.until:g} s, {len(self.packets)} packets, {alarms} alarms)"
+        return f"Run({self.until:g} s, {len(self.packets)} packets, {len(self.alarms())} alarms)"
 
     def events(self) -> pd.DataFrame:
         """Return the unusual events, one row each.
@@ -144,9 +146,7 @@ class Run:
 
     def states(self) -> pd.DataFrame:
         """Return the times at which each station began to send, receive or process, or died."""
-        rows = [(time, name, state.value, state.comm_f) for time, name, state in self._states]
-        table = pd.DataFrame(rows, columns=["time_s", "station", "state", "comm_f"])
-        return table.astype({"comm_f": "Int64"})
+        return pd.DataFrame(self._states, columns=["time_s", "station", "state"])
 
     def history(self, number: int, station: str) -> pd.DataFrame:
         """Return the history of value `number` at a station; each row is valid from its ``time_s``.
@@ -175,12 +175,9 @@ class Run:
         for change in self.changes:
             if change.station == station:
                 continue
-            later = (
-                c.time
-                for c in self.changes
-                if (c.station, c.number) == (change.station, change.number) and c.time > change.time
-            )
-            until = min(later, default=inf)
+            source = (change.station, change.number)
+            moves = (c.time for c in self.changes if (c.station, c.number) == source)
+            until = min((time for time in moves if time > change.time), default=inf)
             updates = (u for u in self.updates if (u.station, u.number) == (station, change.number))
             history = [(0.0, 0), *((update.time, update.value) for update in updates)]
             shown = bisect_left(history, (change.time, -1)) - 1
@@ -189,8 +186,7 @@ class Run:
                 for time, value in history[max(shown, 0) :]
                 if value == change.value and time < until
             )
-            delay = next(delays, nan)
-            rows.append((change.time, change.station, change.number, change.value, delay))
+            rows.append((change.time, *source, change.value, next(delays, nan)))
         return pd.DataFrame(rows, columns=["time_s", "station", "number", "value", "delay_s"])
 
     def plot(
@@ -204,8 +200,7 @@ class Run:
         """
         from shipnet.remote_control.plot import plot_time_chart
 
-        end = self.until if stop is None else stop
-        return plot_time_chart(self.traffic(), self.alarms(), ax, start, end, self.until)
+        return plot_time_chart(self, ax, start, self.until if stop is None else stop)
 
 
 # The simulation --------------------------------------------------------------------------------
@@ -278,54 +273,62 @@ class _Simulation:
     ) -> None:
         self.system = system
         self.end = check_scalar("until", until, "s", 0, 1e6)
-        rate = 2 / system.character_time + sum(1 / system.rule(name).tick for name in STATIONS)
+        self.stations = {name: Station(name, system) for name in STATIONS}
+        stations = self.stations.values()
+        rate = 2 / system.character_time + sum(1 / station.rule.tick for station in stations)
         if self.end * rate > _MOST_EVENTS:
             raise ArgumentError(
                 f"until is {self.end:g} s, or up to {self.end * rate:.3g} bytes and ticks; the "
                 f"limit is {_MOST_EVENTS:.0e}"
             )
         self.now = 0.0
-        self._heap: list[tuple[float, int, Callable[..., None], tuple[Any, ...]]] = []
+        self._heap: list[_Event] = []
         self._order = count()
-        self.stations = {name: Station(name, system) for name in STATIONS}
         self.result = Run(system, self.end, faults)
         self.marked = isinstance(system.packet_format, MarkerFormat)
-        self.losses: list[LostPacket] = []
+        self.losses = [fault for fault in faults if isinstance(fault, LostPacket)]
         # Packets per station whose last byte is in the station's ring but not yet read.
         self.waiting: dict[str, list[Packet]] = {name: [] for name in STATIONS}
         for fault in faults:
-            if isinstance(fault, LostPacket):
-                self.losses.append(fault)
-            elif isinstance(fault, DeadStation):
+            if isinstance(fault, DeadStation):
                 station = self.stations[fault.station]
                 self._at(fault.start, self._stop, station)
                 self._at(fault.stop, self._start, station)
             elif isinstance(fault, Stall):
-                self._at(fault.start, self._stall, fault)
+                self._at(fault.start, self._stall, self.stations[fault.station], fault.stop)
         for change in changes:
             if not isinstance(change, Change):
                 raise ArgumentError(f"one of changes is {change!r}; it must be a Change")
             check_whole("number of a change", change.number, 0, system.n_items - 1)
             self._at(change.time, self._change, change)
         self.result.changes.extend(sorted(changes, key=lambda change: change.time))
-        for name, station in self.stations.items():
-            tick = self.system.rule(name).tick
+        for station in stations:
+            self._enter(station, "receiving")
+            tick = station.rule.tick
             first = tick * (1 - rng.random()) if rng is not None else tick
             self._at(first, self._tick, station, first, 0)
 
     def run(self) -> Run:
-        for station in self.stations.values():
-            self._enter(station, State.RECEIVING)
-        self._at(0.0, self._send, self.stations["RCS"])
-        while self._heap and self._heap[0][0] <= self.end:
-            self.now, _, act, arguments = heappop(self._heap)
-            act(*arguments)
+        """Let RCS begin, and process all events in the order of their times."""
+        self._in_turn(0.0, self._send, self.stations["RCS"])
+        while self._heap:
+            self.now, _, station, turn, act, arguments = heappop(self._heap)
+            if station is None or station.turn == turn:
+                act(*arguments)
         return self.result
 
     def _at(self, time: float, act: Callable[..., None], *arguments: Any) -> None:
         """Call ``act(*arguments)`` at `time`; events at the same time keep their order."""
         if time <= self.end:
-            heappush(self._heap, (time, next(self._order), act, arguments))
+            heappush(self._heap, (time, next(self._order), None, 0, act, arguments))
+
+    def _in_turn(
+        self, time: float, act: Callable[..., None], station: Station, *arguments: Any
+    ) -> None:
+        """Call ``act(station, *arguments)`` at `time` if the station's present turn still lasts."""
+        if time <= self.end:
+            event = (time, next(self._order), station, station.turn, act, (station, *arguments))
+            heappush(self._heap, event)
 
     def _note(self, station: Station, event: str, partner: str = "", detail: str = "") -> None:
         self.result._events.append((self.now, station.name, event, partner, detail))
@@ -338,60 +341,48 @@ class _Simulation:
 
     def _send(self, station: Station) -> None:
         """Begin a packet to the next partner; its bytes arrive one by one."""
-        station.next_partner()
-        if station.state is not State.SENDING:
-            self._enter(station, State.SENDING)
+        following = station.partners.index(station.partner) + 1
+        station.partner = station.partners[following % len(station.partners)]
+        if station.state != "sending":
+            self._enter(station, "sending")
         station.turn += 1
-        target, turn = self.stations[station.partner], station.turn
+        target = self.stations[station.partner]
         items = station.senders[target.name].items(station.sending[target.name])
         data = self.system.packet_format.encode(items)
         character = self.system.character_time
         packet = Packet(self.now, self.now + len(data) * character, station.name, target.name)
         packet.items = tuple(sorted(items.items()))
         self.result.packets.append(packet)
-        if not self._is_lost(packet):
-            for place, byte in enumerate(data, start=1):
-                last = place == len(data)
-                time = packet.start + place * character
-                self._at(time, self._arrive, station, turn, target, byte, last, packet)
-        self._at(packet.end, self._sent, station, turn)
-
-    def _is_lost(self, packet: Packet) -> bool:
         for loss in self.losses:
-            same = (loss.source, loss.target) == (packet.source, packet.target)
-            if same and loss.start <= packet.start < loss.stop:
+            hop = (loss.source, loss.target)
+            if hop == (station.name, target.name) and loss.start <= self.now < loss.stop:
                 self.losses.remove(loss)
-                return True
-        return False
+                break
+        else:
+            for place, byte in enumerate(data, start=1):
+                time = self.now + place * character
+                last = packet if place == len(data) else None
+                self._in_turn(time, self._arrive, station, target, byte, last)
+        self._in_turn(packet.end, self._sent, station)
 
-    def _sent(self, station: Station, turn: int) -> None:
-        if station.turn != turn:
-            return
-        self._enter(station, State.RECEIVING)
+    def _sent(self, station: Station) -> None:
+        self._enter(station, "receiving")
         timeout = self.system.turn_timeout
         if station.master and timeout is not None:
-            self._at(self.now + timeout, self._time_out, station, turn)
+            self._in_turn(self.now + timeout, self._time_out, station)
         self._look(station)
 
     # receiving
 
-    def _arrive(
-        self,
-        source: Station,
-        turn: int,
-        target: Station,
-        byte: int,
-        last: bool,
-        packet: Packet,
-    ) -> None:
-        """Store a byte at its receiver if the receiver accepts it."""
-        if source.turn != turn or target.state.comm_f != 1:
+    def _arrive(self, source: Station, target: Station, byte: int, last: Packet | None) -> None:
+        """Store a byte at its receiver if the receiver accepts it; `last` is a complete packet."""
+        if not target.listens:
             return
         target.store(byte)
         if byte == DATA_START and self.marked:
             self._life(target, source.name)
         if last:
-            self.waiting[target.name].append(packet)
+            self.waiting[target.name].append(last)
         self._look(target)
 
     def _life(self, station: Station, partner: str) -> None:
@@ -402,37 +393,36 @@ class _Simulation:
 
     def _look(self, station: Station) -> None:
         """Let the task read the ring, if the station is receiving and the task is not busy."""
-        if station.state is not State.RECEIVING or self.now < station.busy_until:
+        if station.state != "receiving" or self.now < station.busy_until:
             return
-        reading = station.read()
-        self.result.max_unread = max(self.result.max_unread, reading.unread)
-        if reading.event:
-            detail = f"{reading.unread} bytes unread, {reading.lost} lost"
-            self._note(station, reading.event, "", detail)
-        if reading.event == "ring stopped":
-            self._leave(station, station.turn)
+        unread = station.unread
+        self.result.max_unread = max(self.result.max_unread, unread)
+        data, event = station.read()
+        if event:
+            lost = 0 if event == "ring stopped" else unread - len(data)
+            self._note(station, event, "", f"{unread} bytes unread, {lost} lost")
+        if event == "ring stopped":
+            self._leave(station)
+            return
+        packets = station.parser.feed(data)
+        if not packets:
             return
         waiting = self.waiting[station.name]
-        if not reading.packets:
-            return
-        read = waiting[-len(reading.packets) :]
+        read = waiting[-len(packets) :]
         waiting.clear()
-        for packet, items in zip(read, reading.packets[-len(read) :], strict=False):
+        for packet, items in zip(read, packets[-len(read) :], strict=False):
             packet.read, packet.received = self.now, items
         source = read[-1].source if read else station.partner
         if not self.marked:
             self._life(station, source)
-        self._enter(station, State.PROCESSING)
-        taken = tuple(item for items in reading.packets for item in items)
-        done = self.now + self.system.processing
-        self._at(done, self._processed, station, station.turn, source, taken)
+        self._enter(station, "processing")
+        taken = tuple(item for items in packets for item in items)
+        self._in_turn(self.now + self.system.processing, self._processed, station, source, taken)
 
-    def _processed(self, station: Station, turn: int, source: str, items: Items) -> None:
+    def _processed(self, station: Station, source: str, items: Items) -> None:
         """Store the values in the tables, and begin to send."""
-        if station.turn != turn:
-            return
         if self.now < station.busy_until:
-            self._at(station.busy_until, self._processed, station, turn, source, items)
+            self._in_turn(station.busy_until, self._processed, station, source, items)
             return
         for k, value in items:
             self.result.updates.append(Update(self.now, station.name, source, k, value))
@@ -445,64 +435,55 @@ class _Simulation:
     # supervision
 
     def _tick(self, station: Station, first: float, number: int) -> None:
-        tick = self.system.rule(station.name).tick
-        self._at(first + (number + 1) * tick, self._tick, station, first, number + 1)
-        if station.state is State.DEAD:
-            return
-        for partner, counter in station.counters.items():
-            waits = station.state.comm_f == 1 and station.partner == partner
-            if waits and counter.step():
-                self._note(station, "failed", partner)
-                if station.master:
-                    # We assume that the station continues with its next partner.
-                    self._leave(station, station.turn)
+        self._at(first + (number + 1) * station.rule.tick, self._tick, station, first, number + 1)
+        counter = station.counters[station.partner]
+        if station.listens and counter.step():
+            self._note(station, "failed", station.partner)
+            if station.master:
+                # We assume that the station continues with its next partner.
+                self._leave(station)
 
-    def _time_out(self, station: Station, turn: int) -> None:
-        if station.turn == turn and station.state is State.RECEIVING:
+    def _time_out(self, station: Station) -> None:
+        if station.state == "receiving":
             self._note(station, "timed out", station.partner)
-            self._leave(station, turn)
+            self._leave(station)
 
-    def _leave(self, station: Station, turn: int) -> None:
+    def _leave(self, station: Station) -> None:
         """End the wait for a response: let the station send as soon as its task is free."""
         if self.now < station.busy_until:
-            self._at(station.busy_until, self._leave, station, turn)
-        elif station.turn == turn and station.state is State.RECEIVING:
+            self._in_turn(station.busy_until, self._leave, station)
+        elif station.state == "receiving":
             self._send(station)
 
     # faults and changes
 
     def _stop(self, station: Station) -> None:
-        if station.state is not State.DEAD:
-            self._enter(station, State.DEAD)
+        if station.state != "dead":
+            self._enter(station, "dead")
             station.turn += 1
             self._note(station, "station stops")
 
     def _start(self, station: Station) -> None:
-        if station.state is State.DEAD:
+        if station.state == "dead":
             station.turn += 1
             self._note(station, "station starts")
             if station.master:
                 self._send(station)
             else:
-                self._enter(station, State.RECEIVING)
+                self._enter(station, "receiving")
 
-    def _stall(self, fault: Stall) -> None:
-        station = self.stations[fault.station]
-        station.busy_until = max(station.busy_until, fault.stop)
-        self._note(station, "task stalls", "", f"until {fault.stop:g} s")
-        self._at(fault.stop, self._look, station)
+    def _stall(self, station: Station, stop: float) -> None:
+        station.busy_until = max(station.busy_until, stop)
+        self._note(station, "task stalls", "", f"until {stop:g} s")
+        self._at(stop, self._look, station)
 
     def _change(self, change: Change) -> None:
-        station = self.stations[change.station]
-        for values in station.sending.values():
+        for values in self.stations[change.station].sending.values():
             values[change.number] = change.value
 
 
 def switch_delays(
-    system: System | None = None,
-    *,
-    changes: int = 20,
-    rng: np.random.Generator | int | None = None,
+    system: System | None = None, *, changes: int = 20, rng: np.random.Generator | int | None = None
 ) -> pd.DataFrame:
     """Return the delays with which SS follows a switch on the bridge, at the paper's bit rates.
 

@@ -1,16 +1,17 @@
-"""One station of the link: its turns, the values that it sends, its counters and its ring."""
+"""One station of the link: the values that it sends, its counters and its ring."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import Enum
-from typing import Literal, NamedTuple
+from typing import Literal, TypeAlias
 
 from shipnet.errors import ArgumentError
 from shipnet.remote_control.faults import HOPS
-from shipnet.remote_control.packet_format import Items
 from shipnet.remote_control.ring_buffer import PrintedRing
 from shipnet.remote_control.system import Counter, System
+
+#: The activity of a station.
+State: TypeAlias = Literal["sending", "receiving", "processing", "dead"]
 
 
 def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, int]:
@@ -65,34 +66,6 @@ class Sender:
         return items
 
 
-class State(Enum):
-    """The activity of a station."""
-
-    SENDING = "sending"
-    RECEIVING = "receiving"
-    PROCESSING = "processing"
-    DEAD = "dead"
-
-    @property
-    def comm_f(self) -> int | None:
-        """The flag of the paper: 0 while sending, 1 while receiving or processing, None if dead."""
-        if self is State.DEAD:
-            return None
-        return 0 if self is State.SENDING else 1
-
-
-class Reading(NamedTuple):
-    """What the task found when it read the ring.
-
-    Of the `unread` bytes, `lost` are never read. The `event` is empty if the ring was in order.
-    """
-
-    packets: list[Items]
-    unread: int
-    lost: int
-    event: Literal["", "ring repaired", "ring stopped", "ring overrun unnoticed"]
-
-
 class Station:
     """A station in the simulation.
 
@@ -103,45 +76,45 @@ class Station:
     """
 
     def __init__(self, name: str, system: System) -> None:
-        self.name, self.system = name, system
-        self.state, self.turn, self.busy_until = State.RECEIVING, 0, 0.0
-        self.partner = "RCS"
+        self.name, self.master = name, name == "RCS"
+        self.rule = system.master if self.master else system.slave
+        self.state: State = "receiving"
+        self.turn, self.busy_until = 0, 0.0
         #: The stations at the other ends of its lines, in the order of a cycle.
         self.partners = tuple(target for source, target in HOPS if source == name)
+        self.partner = self.partners[-1]
         self.ring, self.unread = PrintedRing(system.ring_size, empty_is_data=False), 0
         self.parser = system.packet_format.parser()
-        self.counters = {other: Counter(system.rule(name)) for other in self.partners}
+        self.counters = {other: Counter(self.rule) for other in self.partners}
         self.senders = {other: Sender(system.n_items, system.repeat) for other in self.partners}
         self.sending = {other: [0] * system.n_items for other in self.partners}
 
     @property
-    def master(self) -> bool:
-        """True if the station begins every exchange."""
-        return self.name == "RCS"
+    def listens(self) -> bool:
+        """True if the station accepts bytes: ``comm_f`` is 1."""
+        return self.state in ("receiving", "processing")
 
     def store(self, byte: int) -> None:
         """Store a byte in the ring."""
         self.ring.store(byte)
         self.unread += 1
 
-    def read(self) -> Reading:
-        """Read the ring until it is empty or the reader stops, and return what was found."""
-        data, repaired, unread = bytearray(), False, self.unread
+    def read(self) -> tuple[bytes, str]:
+        """Read the ring until it is empty or the reader stops; return the bytes and the event.
+
+        The event is empty if the ring was in order.
+        """
+        data, event = bytearray(), ""
         action, byte = self.ring.extract()
         while action in ("take", "repair"):
-            if byte is not None:
+            if byte is None:
+                event = "ring repaired"
+            else:
                 data.append(byte)
-            repaired |= action == "repair"
             action, byte = self.ring.extract()
         if action == "stop":  # only at the first step, because reading leads to the empty ring
-            return Reading([], unread, 0, "ring stopped")
-        self.unread, lost = 0, unread - len(data)
-        packets = self.parser.feed(bytes(data))
-        if repaired:
-            return Reading(packets, unread, lost, "ring repaired")
-        return Reading(packets, unread, lost, "ring overrun unnoticed" if lost else "")
-
-    def next_partner(self) -> None:
-        """Make the next station in the cycle the current partner."""
-        following = self.partners.index(self.partner) + 1 if self.partner in self.partners else 0
-        self.partner = self.partners[following % len(self.partners)]
+            return b"", "ring stopped"
+        if len(data) < self.unread and not event:
+            event = "ring overrun unnoticed"
+        self.unread = 0
+        return bytes(data), event

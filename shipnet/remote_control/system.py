@@ -8,8 +8,7 @@ assumption, and the list may be incomplete, because the text that we have lacks 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
-from math import ceil, floor
+from math import ceil, floor, inf
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -48,18 +47,12 @@ class Value:
         return len(self.sources) > 1
 
     @property
-    def routes(self) -> tuple[tuple[str, ...], ...]:
-        """The value's routes as tuples of stations, one per pair of a source and another user."""
-        # BCS and SS have no line between them: values from one to the other go through RCS.
-        users = (*self.sources, *self.readers)
-        pairs = [(a, b) for a in self.sources for b in users if a != b]
-        return tuple((a, b) if "RCS" in (a, b) else (a, "RCS", b) for a, b in pairs)
-
-    @property
     def hops(self) -> tuple[Hop, ...]:
         """The hops (sender, receiver) on which the value is sent, in the order of a cycle."""
-        crossed = {hop for route in self.routes for hop in pairwise(route)}
-        return tuple(hop for hop in HOPS if hop in crossed)
+        # BCS and SS have no line between them: values from one to the other go through RCS.
+        to_rcs = [(source, "RCS") for source in self.sources]
+        users = [user for user in self.sources + self.readers if self.sources != (user,)]
+        return tuple(hop for hop in HOPS if hop in to_rcs or hop in [("RCS", u) for u in users])
 
 
 #: Switches come first, so that even a link with few items includes them.
@@ -85,8 +78,8 @@ def values_on(source: str, target: str) -> tuple[Value, ...]:
 
 def forwarded(source: str, target: str) -> frozenset[int]:
     """Return the numbers of the values that RCS forwards from one slave to the other."""
-    route = (source, "RCS", target)
-    return frozenset(value.number for value in VALUES if route in value.routes)
+    values = (value for value in VALUES if source in value.sources)
+    return frozenset(value.number for value in values if target in value.sources + value.readers)
 
 
 # Supervision -----------------------------------------------------------------------------------
@@ -160,14 +153,9 @@ class Supervision:
         """
         from shipnet.remote_control.plot import plot_counters
 
-        counter, counts, misses = Counter(self), [0], []
-        while not counter.failed:
-            counter.step()
-            counts.append(counter.count)
-            if counter.count == 0:
-                misses.append((len(counts) - 1) * self.tick)
+        counts = [k % self.miss_ticks for k in range(self.n_ticks + 1)]
         times = [k * self.tick for k in range(len(counts))]
-        ax = plot_counters(times, counts, misses, label, ax)
+        ax = plot_counters(times, counts, times[self.miss_ticks :: self.miss_ticks], label, ax)
         if (self.count_limit, self.tick) == (10, 0.1) and times[-1] <= 5.4:
             ax.set(xlim=(0, 5.4), ylim=(0, 15.5), yticks=range(0, 11, 2))
         return ax
@@ -213,15 +201,13 @@ class Cascade(NamedTuple):
     Each pair contains the shortest and the longest time, depending on the state of the timers, in
     the first turn of SS after its death, if SS was not sending when it died. `wait` is the time for
     which RCS waits for a response, `silent` the time from the last byte that BCS sends to the next
-    0xDD that it receives, and `counted` the time for which the counters of BCS run without a 0xDD.
-    `longest` is an upper bound on `silent` in any turn, whenever SS dies. `alarm` says whether BCS
-    also declares RCS failed, although RCS is alive: "certain" (in the first turn), "possible" or
-    "never".
+    0xDD that it receives. `longest` is an upper bound on `silent` in any turn, whenever SS dies.
+    `alarm` says whether BCS also declares RCS failed, although RCS is alive: "certain" (in the
+    first turn), "possible" or "never".
     """
 
     wait: tuple[float, float]
     silent: tuple[float, float]
-    counted: tuple[float, float]
     longest: float
     alarm: str
 
@@ -379,20 +365,19 @@ class System:
     def signals(self) -> pd.DataFrame:
         """Return the values that cross the link, with their sources, readers and hops."""
         rows = [
-            (
-                value.number,
-                value.name,
-                value.kind,
-                ", ".join(value.sources),
-                ", ".join(value.readers),
-                value.mirrored,
-                value.where,
-                *(hop in value.hops for hop in HOPS),
-            )
+            {
+                "number": value.number,
+                "name": value.name,
+                "kind": value.kind,
+                "sources": ", ".join(value.sources),
+                "readers": ", ".join(value.readers),
+                "mirrored": value.mirrored,
+                "where": value.where,
+            }
+            | {f"{source}-{target}": (source, target) in value.hops for source, target in HOPS}
             for value in VALUES
         ]
-        columns = ["number", "name", "kind", "sources", "readers", "mirrored", "where"]
-        return pd.DataFrame(rows, columns=columns + [f"{a}-{b}" for a, b in HOPS])
+        return pd.DataFrame(rows)
 
     def cascade(self) -> Cascade:
         r"""Return the silence that BCS observes when SS dies.
@@ -409,25 +394,26 @@ class System:
         rest = self._rest_time
         before = rest / rule.tick
         ticks = rule.n_ticks - ceil(before) - 1, rule.n_ticks - floor(before)
-        wait = (max(ticks[0], 0) * rule.tick, max(ticks[1], 0) * rule.tick)
-        if self.turn_timeout is not None:
-            wait = (min(wait[0], self.turn_timeout), min(wait[1], self.turn_timeout))
+        timeout = inf if self.turn_timeout is None else self.turn_timeout
+        wait = (
+            min(max(ticks[0], 0) * rule.tick, timeout),
+            min(max(ticks[1], 0) * rule.tick, timeout),
+        )
         first = self.idle_time - 2 * packet - 3 * process
-        silent = (process + packet + wait[0] + first, process + packet + wait[1] + first)
-        counted = (silent[0] + rest, silent[1] + rest)
+        silent = process + packet + wait[0] + first, process + packet + wait[1] + first
         # If SS dies after its last 0xDD, RCS counts from that byte, and later also waits for BCS.
         again = rule.n_ticks * rule.tick
-        anew = again + packet + 2 * process - rest
-        if self.turn_timeout is not None:
-            anew, again = min(anew, self.turn_timeout), min(again, self.turn_timeout)
+        anew = min(again + packet + 2 * process - rest, timeout)
+        again = min(again, timeout)
         longest = first + max(process + packet + anew, anew - process + again)
         limit, tick = self.slave.n_ticks, self.slave.tick
         if floor(rest / tick) + floor(silent[0] / tick) >= limit:
             alarm = "certain"
+        elif ceil(rest / tick) + ceil(longest / tick) >= limit:
+            alarm = "possible"
         else:
-            possible = ceil(rest / tick) + ceil(longest / tick) >= limit
-            alarm = "possible" if possible else "never"
-        return Cascade(wait, silent, counted, longest, alarm)
+            alarm = "never"
+        return Cascade(wait, silent, longest, alarm)
 
     def overrun_stall(self) -> tuple[float, float]:
         r"""Return the limits of the shortest stall of a slave's task that overruns its ring [s].
@@ -459,10 +445,6 @@ class System:
         rest += rounds * (3 * packet + 2 * self.processing)
         return float(waits[0] + rest), float(waits[1] + rest)
 
-    def rule(self, station: str) -> Supervision:
-        """Return the supervision rule of a station."""
-        return self.master if station == "RCS" else self.slave
-
     def heartbeats(self) -> tuple[int, ...]:
         """Return the places, from 0, of the bytes in a packet that show that its sender is alive.
 
@@ -493,27 +475,24 @@ class Timing:
         ``ticks`` is the largest number that a healthy slave counts; ``printed_margin`` and
         ``intended_margin`` are the ticks left before the alarm under each rule.
         """
-        limits = Supervision().n_ticks, Supervision.intended().n_ticks
         rows = []
         for rate in BIT_RATES:
-            one = replace(self.system, bit_rate=rate)
-            margins = (limit - one.max_ticks for limit in limits)
+            link = replace(self.system, bit_rate=rate)
             rows.append(
-                (
-                    rate,
-                    one.packet_time,
-                    one.cycle_time,
-                    one.idle_time,
-                    one.counted_time,
-                    one.fill_time,
-                    one.response_time(),
-                    one.max_ticks,
-                    *margins,
-                )
+                {
+                    "bit_rate": rate,
+                    "packet_s": link.packet_time,
+                    "cycle_s": link.cycle_time,
+                    "idle_s": link.idle_time,
+                    "counted_s": link.counted_time,
+                    "fill_s": link.fill_time,
+                    "response_s": link.response_time(),
+                    "ticks": link.max_ticks,
+                    "printed_margin": Supervision().n_ticks - link.max_ticks,
+                    "intended_margin": Supervision.intended().n_ticks - link.max_ticks,
+                }
             )
-        columns = ["bit_rate", "packet_s", "cycle_s", "idle_s", "counted_s", "fill_s"]
-        columns += ["response_s", "ticks", "printed_margin", "intended_margin"]
-        return pd.DataFrame(rows, columns=columns)
+        return pd.DataFrame(rows)
 
     def plot(self, ax: Axes | None = None, *, limit: float = 3.0) -> Axes:
         """Draw the time for which a healthy slave's counters run, over the bit rate.

@@ -8,7 +8,6 @@ from functools import cache, partial
 from html import escape
 from importlib.resources import files
 from math import ceil, log10
-from tomllib import loads
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.axes import Axes
@@ -25,18 +24,8 @@ from shipnet.fields import (
     check_whole,
     declared,
 )
-from shipnet.tools._view import (
-    Button,
-    Preset,
-    Sheet,
-    Upload,
-    View,
-    download_link,
-    read_link,
-    read_state,
-    write_link,
-    write_state,
-)
+from shipnet.tools import _view
+from shipnet.tools._view import Button, Preset, Sheet, Upload, View
 
 if TYPE_CHECKING:
     import ipywidgets as widgets
@@ -60,7 +49,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
     """The page of a tool: controls, verdict, figure, and a state that can be shared.
 
     `see` returns the view for given inputs; the default is the tool's own `_view`. `folds` maps
-    titles to the controls that are folded under them. Each example state in stories.toml has a
+    titles to the controls that are folded under them. Each example state in pages.toml has a
     button; with `story`, the page opens on the first example.
     """
 
@@ -80,17 +69,23 @@ class Page(widgets.VBox):  # type: ignore[misc]
         self.tool = self._kind.__module__.rpartition(".")[2]
         self._see = self._kind._view if see is None else see
         self._sheet = Sheet()
-        self._controls, self._preset = Controls(start, folds), preset
-        self._controls.observe(self._moved)
+        self._controls, self._preset = Controls(start, folds, self._on_change), preset
         self.controls, self.presets = self._controls.widgets, {}
         panel = [self._controls.box, *self._controls.folded]
         if preset is not None:
-            self._setters = Controls(preset.start)
-            self._setters.observe(self._make)
+            make = preset.make
+            self._setters = Controls(
+                preset.start,
+                on_change=lambda: self._change(lambda: make(self._setters.inputs, self.inputs)),
+            )
             self.presets = self._setters.widgets
             panel.insert(0, self._setters.box)
         self._acts = {one.label: one.act for one in buttons}
-        self.buttons = {one.label: self._button(one) for one in buttons}
+        self.buttons = {
+            one.label: widgets.Button(description=one.label, tooltip=one.help) for one in buttons
+        }
+        for label, button in self.buttons.items():
+            button.on_click(lambda _, act=self._acts[label]: self._change(lambda: act(self.inputs)))
         load = Upload("load state", "", ".json", self._read)
         self.uploads = {one.label: self._upload(one) for one in (*uploads, load)}
         row = [_with_help(self.buttons[one.label], one.help) for one in buttons]
@@ -100,22 +95,21 @@ class Page(widgets.VBox):  # type: ignore[misc]
         self.text, self.ok, self.note = "", False, ""
         self._shown, self._noted, self._details = (widgets.HTML() for _ in range(3))
         self.figure, self.links, self._look = (widgets.HTML() for _ in range(3))
-        stories = (files("shipnet.tools") / "stories.toml").read_text(encoding="utf-8")
-        self._stories = loads(stories).get(self.tool, {})
+        self._stories = _view.page_words().get(self.tool, {}).get("stories", {})
         self.stories = {name: widgets.Button(description=name) for name in self._stories}
         for name, button in self.stories.items():
-            button.on_click(lambda _, name=name: self._tell(name))
+            button.on_click(lambda _, name=name: self._show_story(name))
         tries = widgets.HBox([widgets.HTML("Try:"), *self.stories.values(), self._look])
         answer = widgets.VBox([self._shown, _classed(self.figure, "shipnet-figure")])
         stage = [_classed(answer, "shipnet-answer"), _classed(widgets.VBox(panel), "shipnet-panel")]
         # Set by the web page when it is shown: the query of its link, and whether it is narrow.
         self.query, self.narrow = (widgets.Text(continuous_update=False) for _ in range(2))
         self.query.observe(
-            lambda _: self._change(lambda: read_link(self.query.value, self._kind)), "value"
+            lambda _: self._change(lambda: _view.read_link(self.query.value, self._kind)), "value"
         )
         self.narrow.observe(lambda _: self.refresh(), "value")
-        told = [_classed(self.query, "shipnet-query"), _classed(self.narrow, "shipnet-narrow")]
-        foot = widgets.HBox([self.links, self.uploads[load.label], *told, self._noted])
+        unseen = [_classed(self.query, "shipnet-query"), _classed(self.narrow, "shipnet-narrow")]
+        foot = widgets.HBox([self.links, self.uploads[load.label], *unseen, self._noted])
         style = (files("shipnet.tools") / "page.css").read_text(encoding="utf-8")
         super().__init__(
             [
@@ -129,7 +123,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         )
         _classed(self, "shipnet-page")
         if story:
-            self._tell(next(iter(self.stories)))
+            self._show_story(next(iter(self.stories)))
         else:
             self.refresh()
 
@@ -145,37 +139,35 @@ class Page(widgets.VBox):  # type: ignore[misc]
             link = ""
             try:
                 inputs = self.inputs
-                state = write_state(self.tool, inputs)
-                save = download_link("save state", f"shipnet_{self.tool}.json", state)
-                link = write_link(inputs)
+                state = _view.write_state(self.tool, inputs)
+                save = _view.download_link("save state", f"shipnet_{self.tool}.json", state)
+                link = _view.write_link(inputs)
                 view = self._see(inputs)
                 figure = view.figure(self._sheet, narrow=bool(self.narrow.value))
             except Exception as problem:  # any error is shown as a message
                 view, figure = View(verdict=_lines(problem), ok=False), ""
             self.text, self.ok = str(view), view.ok
             # Set before the verdict, so that a user who sees the verdict can save its state.
-            links = (download_link(f"download {name}", name, f) for name, f in view.files.items())
+            links = (
+                _view.download_link(f"download {name}", name, content)
+                for name, content in view.files.items()
+            )
             self.links.value = " ".join([save, link, *links])
             self._shown.value, self._details.value = view.answer, view.details
             self._mark("shipnet-stale", not figure)
             self.figure.value = figure or self.figure.value
 
-    def _moved(self) -> None:
+    def _on_change(self) -> None:
         # Compute immediately: a browser sends the next value only after this computation.
         self._say("")
         self.refresh()
 
-    def _make(self) -> None:
-        assert self._preset is not None
-        make = self._preset.make
-        self._change(lambda: make(self._setters.inputs, self.inputs))
-
-    def _tell(self, name: str) -> None:
+    def _show_story(self, name: str) -> None:
         values = dict(self._stories[name])
         self._look.value = escape(values.pop("look"))
-        self._change(lambda: self._told(**values))
+        self._change(lambda: self._inputs_of(**values))
 
-    def _told(self, press: Sequence[str] = (), **values: Any) -> Any:
+    def _inputs_of(self, press: Sequence[str] = (), **values: Any) -> Any:
         """Return the inputs of an example: set its values or its preset, and press its buttons."""
         if self._preset is not None and values:
             self._setters.put(type(self._preset.start)(**values))
@@ -206,11 +198,6 @@ class Page(widgets.VBox):  # type: ignore[misc]
         html = f'<p class="shipnet-note shipnet-{kind}" role="alert">{shown}</p>'
         self._noted.value = html if shown else ""
 
-    def _button(self, one: Button) -> widgets.Button:
-        button = widgets.Button(description=one.label, tooltip=one.help)
-        button.on_click(lambda _: self._change(lambda: one.act(self.inputs)))
-        return button
-
     def _upload(self, one: Upload) -> widgets.FileUpload:
         upload = widgets.FileUpload(accept=one.accept, description=one.label, tooltip=one.label)
 
@@ -230,7 +217,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         return one.take(self.inputs, name, content)
 
     def _read(self, _: object, name: str, content: bytes) -> Any:
-        return read_state(content, self.tool, self._kind, name)
+        return _view.read_state(content, self.tool, self._kind, name)
 
     @contextmanager
     def _busy(self) -> Iterator[None]:
@@ -263,19 +250,25 @@ def _sentence(problem: Exception) -> str:
 class Controls:
     """Controls for the fields of a record, with their help; some are folded away."""
 
-    def __init__(self, start: Any, folds: Mapping[str, Sequence[str]] = {}) -> None:
-        self._kind = type(start)
-        self._asked = declared(self._kind)
-        self._held = {name: getattr(start, name) for name in self._asked}
-        self._quiet, self._observers = False, list[Callable[[], None]]()
-        made = {name: _control(kind, self._held[name]) for name, kind in self._asked.items()}
+    def __init__(
+        self,
+        start: Any,
+        folds: Mapping[str, Sequence[str]] = {},
+        on_change: Callable[[], object] = lambda: None,
+    ) -> None:
+        self._kind, self._on_change, self._quiet = type(start), on_change, False
+        self._kinds = declared(self._kind)
+        self._held = {name: getattr(start, name) for name in self._kinds}
+        made = {name: _control(kind, self._held[name]) for name, kind in self._kinds.items()}
         self.widgets = {name: control for name, control in made.items() if control is not None}
         rows = {}
         for name, control in self.widgets.items():
-            kind = self._asked[name]
+            kind = self._kinds[name]
             # Observe this first: a value above its new limit is reduced before `_changed` reads it.
             if isinstance(kind, Whole) and kind.at_most:
-                self._bound(control, kind, self.widgets[kind.at_most])
+                most = partial(_set_most, control, kind.shown)
+                self.widgets[kind.at_most].observe(most, "value")
+                most({"new": self._held[kind.at_most]})
             control.tooltip = kind.help
             row = _with_help(control, kind.help)
             rows[name] = row
@@ -297,49 +290,42 @@ class Controls:
 
     def _values(self) -> dict[str, Any]:
         """Return all values, rounded because a browser's slider accumulates rounding errors."""
-        shown = {
-            name: round(control.value, 9)
-            if isinstance(self._asked[name], Number)
-            else control.value
-            for name, control in self.widgets.items()
-        }
-        return {**self._held, **shown}
+        values = {name: control.value for name, control in self.widgets.items()}
+        for name, value in values.items():
+            values[name] = round(value, 9) if isinstance(value, float) else value
+        return {**self._held, **values}
 
     def put(self, inputs: Any) -> None:
         """Set all controls, each to its nearest step, without calling observers.
 
         Raises ArgumentError, and changes nothing, if a value is outside its slider's range.
         """
-        for name, kind in self._asked.items():
+        for name, kind in self._kinds.items():
             kind.check_shown(name, getattr(inputs, name))
         self._quiet = True
         try:
-            for name, kind in self._asked.items():
+            for name, kind in self._kinds.items():
                 value = getattr(inputs, name)
-                if name in self.widgets:
-                    self.widgets[name].value = _on_step(kind, value)
-                else:
+                if name not in self.widgets:
                     self._held[name] = value
+                    continue
+                if isinstance(kind, Number):
+                    low, high = kind.shown
+                    steps = round((value - low) / kind.step)
+                    value = min(high, round(low + kind.step * steps, 9))
+                self.widgets[name].value = value
         finally:
             self._quiet, self._seen = False, self._values()
-
-    def observe(self, call: Callable[[], None]) -> None:
-        """Register a function that is called after each change by the user."""
-        self._observers.append(call)
 
     def _changed(self, _: object) -> None:
         # A browser echoes the values of `put`; an echo is not a change.
         if not self._quiet and self._seen != self._values():
             self._seen = self._values()
-            for call in self._observers:
-                call()
+            self._on_change()
 
-    def _bound(self, control: widgets.Widget, kind: Whole, other: widgets.Widget) -> None:
-        def follow(_: object = None) -> None:
-            control.max = max(kind.shown[0], min(kind.shown[1], other.value))
 
-        other.observe(follow, "value")
-        follow()
+def _set_most(control: Any, shown: tuple[float, float], change: Mapping[str, Any]) -> None:
+    control.max = max(shown[0], min(shown[1], change["new"]))
 
 
 def _with_help(control: widgets.Widget, help: str) -> widgets.VBox:
@@ -357,14 +343,6 @@ def _classed(widget: widgets.Widget, name: str) -> widgets.Widget:
     return widget
 
 
-def _on_step(kind: Kind, value: Any) -> Any:
-    """Return the nearest value that the slider can take, as the browser would."""
-    if not isinstance(kind, Number):
-        return value
-    low, high = kind.shown
-    return min(high, round(low + kind.step * round((value - low) / kind.step), 9))
-
-
 def _control(kind: Kind, value: Any) -> widgets.Widget | None:
     """Return the control of a field, or None for a series, which has buttons."""
     label = f"{kind.label} [{kind.unit}]" if kind.unit else kind.label
@@ -379,7 +357,7 @@ def _control(kind: Kind, value: Any) -> widgets.Widget | None:
         # Do not compute while a word is being typed.
         late = {"continuous_update": False, "placeholder": kind.hint, **common}
         return widgets.Textarea(rows=kind.rows, **late) if kind.rows > 1 else widgets.Text(**late)
-    if isinstance(kind, Whole | Number):
+    if isinstance(kind, Number):
         common |= {"min": kind.shown[0], "max": kind.shown[1]}
     if isinstance(kind, Whole):
         if kind.typed:

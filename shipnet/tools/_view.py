@@ -1,4 +1,4 @@
-"""The contents of a page (verdict, numbers, figure, buttons and files), and saved states."""
+"""The contents of a page (words, verdict, numbers, figure, buttons, files), and saved states."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import json
 from base64 import b64encode
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from html import escape
+from importlib.resources import files
 from io import BytesIO
+from tomllib import loads
 from types import SimpleNamespace
 from typing import Any, cast
 from urllib.parse import parse_qsl, urlencode
@@ -17,7 +20,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import declared
+from shipnet.fields import Words, declared
 from shipnet.lazy import pd
 
 #: Width of a picture [inch], and its resolution [1/inch]; a page shows 100 px per inch.
@@ -36,6 +39,17 @@ _LARGEST = 2_000_000
 
 #: Maximum number of characters in a link; some programs truncate longer links.
 _LONGEST_LINK = 2_000
+
+
+@cache
+def page_words() -> Mapping[str, Mapping[str, Any]]:
+    """Return the words of all tools' pages, from pages.toml."""
+    return loads((files("shipnet.tools") / "pages.toml").read_text(encoding="utf-8"))
+
+
+def words(tool: str) -> Mapping[str, Words]:
+    """Return the label and the help of each control of a tool."""
+    return {name: Words(*pair) for name, pair in page_words()[tool]["controls"].items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,12 +89,9 @@ class View:
             f"<dt>{escape(name)}</dt><dd>{escape(number)}</dd>"
             for name, number in self.numbers.items()
         )
-        return self._table + (f'<dl class="shipnet-numbers">{rows}</dl>' if rows else "")
-
-    @property
-    def _table(self) -> str:
+        numbers = f'<dl class="shipnet-numbers">{rows}</dl>' if rows else ""
         if self.table is None:
-            return ""
+            return numbers
         heads = "".join(f'<th scope="col">{escape(str(name))}</th>' for name in self.table.columns)
         rows = "".join(
             f'<tr><th scope="row">{escape(str(name))}</th>'
@@ -91,7 +102,7 @@ class View:
         return (
             f'<div class="shipnet-wide"><table class="shipnet-table"><thead><tr><td></td>{heads}'
             f"</tr></thead><tbody>{rows}</tbody></table></div>"
-            f'<p class="shipnet-caption">{escape(self.caption)}</p>'
+            f'<p class="shipnet-caption">{escape(self.caption)}</p>{numbers}'
         )
 
     def figure(self, sheet: Sheet | None = None, *, narrow: bool = False) -> str:
@@ -255,7 +266,21 @@ def _value(text: str, default: Any) -> Any:
 
 def read_state(content: bytes, tool: str, kind: type, file: str = "state") -> Any:
     """Return the inputs in a file as a record of type `kind`."""
-    return _record(_inputs(content, tool, file), kind, file)
+    if len(content) > _LARGEST:
+        raise InputError(file, f"it has {len(content)} bytes; a saved state has at most {_LARGEST}")
+    try:
+        state = json.loads(content.decode("utf-8-sig"))
+    except (ValueError, RecursionError):
+        raise InputError(file, "this is not a saved state: it is not JSON") from None
+    if not isinstance(state, dict) or state.get("format") != _FORMAT:
+        raise InputError(file, f"this is not a saved state: it lacks the format {_FORMAT!r}")
+    for name, legal in {"tool": tool, "version": VERSION}.items():
+        if (value := state.get(name)) != legal:
+            raise InputError(file, f"its {name} is {value!r}; this page reads {legal!r}")
+    inputs = state.get("inputs")
+    if not isinstance(inputs, dict):
+        raise InputError(file, "it has no inputs")
+    return _record(inputs, kind, file)
 
 
 def _record(inputs: Mapping[str, Any], kind: type, file: str) -> Any:
@@ -282,23 +307,3 @@ def _record(inputs: Mapping[str, Any], kind: type, file: str) -> Any:
         return kind(**values)
     except ArgumentError as fault:
         raise InputError(file, str(fault)) from None
-
-
-def _inputs(content: bytes, tool: str, file: str) -> dict[str, Any]:
-    if len(content) > _LARGEST:
-        raise InputError(file, f"it has {len(content)} bytes; a saved state has at most {_LARGEST}")
-    try:
-        state = json.loads(content.decode("utf-8-sig"))
-    except (ValueError, RecursionError):
-        raise InputError(file, "this is not a saved state: it is not JSON") from None
-    if not isinstance(state, dict) or state.get("format") != _FORMAT:
-        raise InputError(file, f"this is not a saved state: it lacks the format {_FORMAT!r}")
-    if state.get("tool") != tool:
-        raise InputError(file, f"it is a state of the tool {state.get('tool')!r}, not of {tool!r}")
-    version = state.get("version")
-    if version != VERSION:
-        raise InputError(file, f"its version is {version!r}; this tool reads version {VERSION}")
-    inputs = state.get("inputs")
-    if not isinstance(inputs, dict):
-        raise InputError(file, "it has no inputs")
-    return inputs

@@ -17,7 +17,9 @@ from shipnet.errors import FrameError, SilenceError
 from shipnet.fields import choice, number, record, switch, whole
 from shipnet.line.cable import Cable
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import View
+from shipnet.tools._view import View, words
+
+_WORDS = words("asi_line")
 
 #: Cables to choose from. The extremes combine limits from a data sheet (Lapp, UNITRONIC BUS ASI:
 #: 0.5 to 0.75 uH/m, at most 80 pF/m) with the resistance of the nominal cable.
@@ -53,52 +55,13 @@ class AsiLine(Tool):
     'InformationError: slot 3, the middle of bit 1, is empty'
     """
 
-    length: float = number(
-        1,
-        500,
-        default=100.0,
-        unit="m",
-        slider=(10, 300),
-        step=5,
-        label="length",
-        help="Length of the cable. The standard allows 100 m without a repeater.",
-    )
-    place: float = number(
-        0,
-        500,
-        default=5.0,
-        unit="m",
-        slider=(0, 300),
-        step=5,
-        label="slave at",
-        help="Distance of the slave from master and supply, limited to the length of the cable.",
-    )
-    cable: str = choice(
-        list(CABLE_CHOICES),
-        default=next(iter(CABLE_CHOICES)),
-        label="cable",
-        help="Characteristic impedance and delay: nominal, or extremes of a data sheet.",
-    )
-    terminator: bool = switch(
-        default=False,
-        label="100 ohm at the end",
-        help="A terminator absorbs the echo but loads the line.",
-    )
-    noise: float = number(
-        0,
-        10,
-        default=0.0,
-        unit="V",
-        slider=(0, 1.5),
-        step=0.05,
-        label="noise in 2 MHz",
-        help="Standard deviation of white noise at the master, in a bandwidth of 2 MHz: "
-        "1 V is 0.71 mV per root hertz.",
-    )
-    data: int = whole(0, 15, default=6, label="data", help="The four bits of the response.")
-    seed: int = whole(
-        0, 999, default=0, slider=(0, 99), label="try", help="Each try has different noise."
-    )
+    length: float = number(1, 500, "m", _WORDS["length"], (10, 300), default=100.0, step=5)
+    place: float = number(0, 500, "m", _WORDS["place"], (0, 300), default=5.0, step=5)
+    cable: str = choice(list(CABLE_CHOICES), _WORDS["cable"], default=next(iter(CABLE_CHOICES)))
+    terminator: bool = switch(_WORDS["terminator"], default=False)
+    noise: float = number(0, 10, "V", _WORDS["noise"], (0, 1.5), default=0.0, step=0.05)
+    data: int = whole(0, 15, help=_WORDS["data"], default=6)
+    seed: int = whole(0, 999, help=_WORDS["seed"], slider=(0, 99), default=0)
 
     @property
     def receiver(self) -> Receiver:
@@ -129,40 +92,31 @@ class AsiLine(Tool):
         return self.result.plot(self.wave, ax, receiver=self.receiver)
 
     def _view(self) -> View:
-        sent, read = Response(self.data).bits, ""
+        sent, read, result = Response(self.data).bits, "", self.result
         try:
-            read = self._read()
+            if result.error == SilenceError.code:
+                raise SilenceError("no pulse rises above the noise")
+            read = result.pulses.decode()
             verdict = f"read {read}: {Response.parse(read)}"
         except FrameError as error:
             verdict = f"{type(error).__name__}: {error}"
         if read and read != sent:
             verdict = f"read {read}, but {sent} was sent: the fault went undetected"
-        within = bool(self.result.within_tolerance)
+        within = bool(result.within_tolerance)
         if read == sent and not within:
             verdict += "; the pulses are outside their tolerance"
+        numbers = {"signal": f"{np.ptp(self.wave.u):.1f} Vpp"}
+        if not np.isnan(result.amplitude):
+            least, most = TOLERANCE
+            numbers |= {
+                "first pulse": f"{result.amplitude:.2f} V",
+                "weakest pulse": f"{result.weakest:.1%} of the largest, {least:.0%} required",
+                "ringing": f"{result.ringing:.1%} of the largest, at most {most:.0%} allowed",
+            }
         return View(
             verdict=verdict,
             ok=read == sent and within,
-            numbers=self._numbers(),
+            numbers=numbers,
             plot=self.plot,
             about="Voltage at the master over time, and the pulses that the receiver finds",
         )
-
-    def _read(self) -> str:
-        """Return the bits that the master reads, or raise the FrameError of the first failure."""
-        if self.result.error == SilenceError.code:
-            raise SilenceError("no pulse rises above the noise")
-        return self.result.pulses.decode()
-
-    def _numbers(self) -> dict[str, str]:
-        """Return the signal amplitude, the uniformity of the pulses, and the ringing."""
-        heard, swing = self.result, {"signal": f"{np.ptp(self.wave.u):.1f} Vpp"}
-        if np.isnan(heard.amplitude):
-            return swing
-        evenness, ringing = TOLERANCE
-        return {
-            **swing,
-            "first pulse": f"{heard.amplitude:.2f} V",
-            "weakest pulse": f"{heard.weakest:.1%} of the largest, {evenness:.0%} required",
-            "ringing": f"{heard.ringing:.1%} of the largest, at most {ringing:.0%} allowed",
-        }

@@ -11,10 +11,19 @@ from shipnet.asi.plan import Plan, PlanFindings
 from shipnet.asi.topologies import line, ring, star
 from shipnet.fields import choice, number, record, whole
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import View
+from shipnet.tools._view import View, words
+
+_WORDS = words("asi_network")
 
 #: Number of addresses; if there are more slaves, some share an address as A and B slaves.
 ADDRESSES = 31
+
+#: Layouts of the cable to choose from.
+STRUCTURES = {
+    "line": "line: slaves along the cable",
+    "star": "star: slaves on equal legs at the end of a trunk, which is 90 % of the cable",
+    "ring": "ring: slaves along the cable, which returns to the master",
+}
 
 
 @record
@@ -29,55 +38,14 @@ class AsiNetwork(Tool):
     True
     """
 
-    slaves: int = whole(
-        1, 2 * ADDRESSES, default=31, label="slaves", help="Above 31, some slaves share an address."
-    )
-    pairs: int = whole(
-        0,
-        ADDRESSES,
-        default=0,
-        label="A/B pairs",
-        help="Number of addresses that an A and a B slave share; adjusted to the number of slaves.",
-    )
-    structure: str = choice(
-        {
-            "line": "line: slaves along the cable",
-            "star": "star: slaves on equal legs at the end of a trunk, which is 90 % of the cable",
-            "ring": "ring: slaves along the cable, which returns to the master",
-        },
-        default="line",
-        label="structure",
-        help="Layout of the cable; the standard allows any.",
-    )
-    length: float = number(
-        10, 300, default=100.0, unit="m", step=5, label="cable", help="Total length of cable."
-    )
-    supply: float = number(
-        0,
-        1,
-        default=0.5,
-        step=0.05,
-        label="position of supply",
-        help="0: beside the master, as always in a ring; 1: at the end of the line or trunk.",
-    )
-    current_ma: float = number(
-        0,
-        500,
-        default=65.0,
-        unit="mA",
-        slider=(0, 200),
-        step=5,
-        label="current per slave",
-        help="Current of each slave; it causes a voltage drop along the cable.",
-    )
+    slaves: int = whole(1, 2 * ADDRESSES, help=_WORDS["slaves"], default=31)
+    pairs: int = whole(0, ADDRESSES, help=_WORDS["pairs"], default=0)
+    structure: str = choice(STRUCTURES, _WORDS["structure"], default="line")
+    length: float = number(10, 300, "m", _WORDS["length"], default=100.0, step=5)
+    supply: float = number(0, 1, help=_WORDS["supply"], default=0.5, step=0.05)
+    current_ma: float = number(0, 500, "mA", _WORDS["current_ma"], (0, 200), default=65.0, step=5)
     error_rate: float = number(
-        0,
-        1,
-        default=0.0,
-        slider=(0, 0.5),
-        step=0.01,
-        label="error rate",
-        help="Probability that an exchange with a slave fails and is repeated.",
+        0, 1, help=_WORDS["error_rate"], slider=(0, 0.5), default=0.0, step=0.01
     )
 
     @property
@@ -104,28 +72,24 @@ class AsiNetwork(Tool):
         return self.plan.check()
 
     def _view(self) -> View:
-        broken = self.result.broken
+        broken, cycle = self.result.broken, self.plan.cycle
+        # With errors, a slave is polled up to twice per cycle; the worst case includes both polls.
+        response = cycle.response_time(repetitions=1 if self.error_rate else None)
+        effect = independent_failures(self.error_rate, cycle).iloc[0]
         return View(
             verdict="\n".join(broken) or f"all rules met: {len(self.result)} checks",
             ok=not broken,
-            numbers=self._numbers(),
+            numbers={
+                "cycle": f"{1e3 * float(cycle.time):.2f} ms",
+                "bus time": f"{100 * cycle.bus_time:.1f} %",
+                "capacity used": f"{cycle.addresses} of {ADDRESSES} addresses",
+                "each slave polled every": f"{1e3 * float(cycle.update_time()):.2f} ms",
+                "input known after": f"{1e3 * response.best:.2f} to {1e3 * response.worst:.2f} ms",
+                "repetitions": f"{effect['repetitions_per_s']:.3g} per second",
+                "slaves dropped": f"{effect['drops_per_h']:.3g} per hour, if failures are "
+                "independent",
+            },
             plot=self.plot,
             height=3.2,
             about="Plan of master, supply, cables and slaves; parts that violate a rule are red",
         )
-
-    def _numbers(self) -> dict[str, str]:
-        """Return the polling times, the utilisation, and the rates of repetitions and drops."""
-        cycle = self.plan.cycle
-        # With errors, a slave is polled up to twice per cycle; the worst case includes both polls.
-        response = cycle.response_time(repetitions=1 if self.error_rate else None)
-        effect = independent_failures(self.error_rate, cycle).iloc[0]
-        return {
-            "cycle": f"{1e3 * float(cycle.time):.2f} ms",
-            "bus time": f"{cycle.bus_time:.1%}".replace("%", " %"),
-            "capacity used": f"{cycle.addresses} of {ADDRESSES} addresses",
-            "each slave polled every": f"{1e3 * float(cycle.update_time()):.2f} ms",
-            "input known after": f"{1e3 * response.best:.2f} to {1e3 * response.worst:.2f} ms",
-            "repetitions": f"{effect['repetitions_per_s']:.3g} per second",
-            "slaves dropped": f"{effect['drops_per_h']:.3g} per hour, if failures are independent",
-        }

@@ -7,16 +7,22 @@ from functools import cached_property
 from math import inf
 from typing import Any
 
+from shipnet.can.dbc import parse_dbc
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Stuffing
-from shipnet.can.messages import BIT_RATES, EXAMPLE, MessageSet, bus_load, parse_dbc
+from shipnet.can.messages import BIT_RATES, EXAMPLE, MessageSet, bus_load
 from shipnet.can.offsets import spread_offsets
 from shipnet.can.response import ResponseTimes, response_times
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import choice, record, text, whole
 from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import Upload, View
+from shipnet.tools._view import Upload, View, words
+
+_WORDS = words("can_load")
+
+#: Bit rates to choose from, with their text in kbit/s.
+_RATES = {rate: f"{rate / 1e3:g}" for rate in BIT_RATES}
 
 
 @record
@@ -43,37 +49,11 @@ class CanLoad(Tool):
     [0.00912, 0.00512]
     """
 
-    text: str = text(
-        default=EXAMPLE,
-        most=200_000,
-        rows=12,
-        label="message set",
-        help="One message per line: name, arbitration_id, dlc, period_ms; other columns are "
-        "optional. The text is read when you leave the editor.",
-    )
-    bit_rate: int = choice(
-        {rate: f"{rate / 1e3:g}" for rate in BIT_RATES},
-        default=125_000,
-        slider=True,
-        unit="kbit/s",
-        label="bit rate",
-        help="Standard bit rates; a longer bus needs a lower one.",
-    )
-    errors_per_s: int = whole(
-        0,
-        1000,
-        default=0,
-        slider=(0, 100),
-        unit="1/s",
-        label="errors",
-        help="Evenly spaced errors on the bus; each costs an error frame and a repetition.",
-    )
+    text: str = text(_WORDS["text"], default=EXAMPLE, most=200_000, rows=12)
+    bit_rate: int = choice(_RATES, _WORDS["bit_rate"], default=125_000, slider=True, unit="kbit/s")
+    errors_per_s: int = whole(0, 1000, "1/s", _WORDS["errors_per_s"], (0, 100), default=0)
     offsets: str = choice(
-        ("not counted", "as listed", "spread"),
-        default="not counted",
-        label="offsets",
-        help="Fixed offsets between messages of one sender: not counted, as listed, or spread on "
-        "a grid of 1 ms to keep the messages apart. Offsets can be counted only if errors are 0.",
+        ("not counted", "as listed", "spread"), _WORDS["offsets"], default="not counted"
     )
 
     @cached_property
@@ -82,11 +62,6 @@ class CanLoad(Tool):
         messages = MessageSet.parse(self.text)
         return spread_offsets(messages) if self.offsets == "spread" else messages
 
-    @property
-    def faults(self) -> ErrorBound | None:
-        """The errors on the bus; None if there are none."""
-        return ErrorBound(interval=1 / self.errors_per_s) if self.errors_per_s else None
-
     def _times(self, bit_rate: int) -> ResponseTimes:
         counted = self.offsets != "not counted"
         if counted and self.errors_per_s:
@@ -94,7 +69,8 @@ class CanLoad(Tool):
                 f"offsets are {self.offsets!r} and errors_per_s is {self.errors_per_s}; "
                 "errors_per_s must be 0 if offsets are used"
             )
-        return response_times(self.messages, bit_rate, faults=self.faults, offsets=counted)
+        faults = ErrorBound(interval=1 / self.errors_per_s) if self.errors_per_s else None
+        return response_times(self.messages, bit_rate, faults=faults, offsets=counted)
 
     @cached_property
     def result(self) -> ResponseTimes:

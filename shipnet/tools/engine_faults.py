@@ -14,7 +14,9 @@ from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_fields, choice, number, record
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import View
+from shipnet.tools._view import View, words
+
+_WORDS = words("engine_faults")
 
 #: Start of the fault, and the last time that the screen can show [s].
 START, _END = 10.0, 25.0
@@ -56,27 +58,9 @@ class EngineFaults(Tool):
     #: The designs to choose from, by name.
     DESIGNS: ClassVar[Mapping[str, System]] = DESIGNS
 
-    fault: str = choice(
-        list(FAULTS),
-        default="box dead JB2",
-        label="fault",
-        help=f"The fault begins {START:g} s after the start of the run; JB means junction box.",
-    )
-    design: str = choice(
-        list(DESIGNS),
-        default=next(iter(DESIGNS)),
-        label="design",
-        help="The system as printed in lee2012, or with our corrections.",
-    )
-    time: float = number(
-        2,
-        _END,
-        default=13.0,
-        unit="s",
-        step=0.25,
-        label="time",
-        help=f"Time at which the screen is shown; the fault begins at {START:g} s.",
-    )
+    fault: str = choice(list(FAULTS), _WORDS["fault"], default="box dead JB2")
+    design: str = choice(list(DESIGNS), _WORDS["design"], default=next(iter(DESIGNS)))
+    time: float = number(2, _END, "s", _WORDS["time"], default=13.0, step=0.25)
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -8,7 +8,9 @@ from shipnet.fields import choice, number, record, whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.polling import BIT_RATES, Scan, scan
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import View
+from shipnet.tools._view import View, words
+
+_WORDS = words("modbus_scan")
 
 #: Character formats to choose from: those of the standard, and 8N1, which many devices use.
 CHARACTERS = ("8E1", "8O1", "8N2", "8N1")
@@ -31,62 +33,17 @@ class ModbusScan(Tool):
     ('in time: 1.576 s', 'too slow: 2.543 s')
     """
 
-    bit_rate: int = choice(
-        BIT_RATES, default=9600, unit="bit/s", label="bit rate", help="Bit rate of the line."
-    )
-    character: str = choice(
-        CHARACTERS,
-        default="8E1",
-        label="character",
-        help="Data bits, parity and stop bits. The standard's characters have 11 bits; 8N1 has 10.",
-    )
-    slaves: int = whole(
-        1, MAX_UNIT, default=31, label="slaves", help="Number of slaves, polled in turn."
-    )
-    registers: int = whole(
-        1, 125, default=10, label="registers per slave", help="Holding registers to read."
-    )
-    processing_ms: float = number(
-        0,
-        500,
-        default=5.0,
-        unit="ms",
-        slider=(0, 100),
-        step=1,
-        label="processing time",
-        help="Time a slave takes to process a request, in addition to the silences between frames.",
-    )
-    dead: int = whole(
-        0,
-        MAX_UNIT,
-        default=0,
-        at_most="slaves",
-        label="dead slaves",
-        help="Slaves that do not respond; each request to one of them costs a full time-out.",
-    )
+    bit_rate: int = choice(BIT_RATES, _WORDS["bit_rate"], default=9600, unit="bit/s")
+    character: str = choice(CHARACTERS, _WORDS["character"], default="8E1")
+    slaves: int = whole(1, MAX_UNIT, help=_WORDS["slaves"], default=31)
+    registers: int = whole(1, 125, help=_WORDS["registers"], default=10)
+    processing_ms: float = number(0, 500, "ms", _WORDS["processing_ms"], (0, 100), default=5.0)
+    dead: int = whole(0, MAX_UNIT, help=_WORDS["dead"], default=0, at_most="slaves")
     timeout_ms: float = number(
-        10,
-        5000,
-        default=500.0,
-        unit="ms",
-        slider=(10, 3000),
-        step=10,
-        label="response time-out",
-        help="How long the master waits for a response before it repeats the request or gives up.",
+        10, 5000, "ms", _WORDS["timeout_ms"], (10, 3000), default=500.0, step=10
     )
-    retries: int = whole(
-        0, 10, default=1, label="retries", help="Number of repeats of an unanswered request."
-    )
-    limit: float = number(
-        0.1,
-        60,
-        default=2.0,
-        unit="s",
-        slider=(0.1, 10),
-        step=0.1,
-        label="longest scan",
-        help="Longest time that the scan may take.",
-    )
+    retries: int = whole(0, 10, help=_WORDS["retries"], default=1)
+    limit: float = number(0.1, 60, "s", _WORDS["limit"], (0.1, 10), default=2.0, step=0.1)
 
     @cached_property
     def result(self) -> Scan:

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -30,7 +29,9 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_fields, choice, number, record, switch, text
 from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import Button, Upload, View
+from shipnet.tools._view import Button, Upload, View, words
+
+_WORDS = words("ship_design")
 
 #: Figures to choose from; the key of a figure against cost is its column in the comparison.
 PICTURES = {
@@ -46,18 +47,12 @@ _CABINET = "26, 6, 14"
 
 #: Controls that are folded away, so that a page opens with the result.
 _FOLDS = {
-    "I/O list and cabinet": ("points", "name", "cabinet"),
-    "limits and prices": (
-        "rules",
-        "update_ms",
-        "list_lengths",
-        "detour",
-        "spare",
-        "labour",
-        "parts",
-        "own",
-    ),
+    "I/O list and cabinet": "points name cabinet".split(),
+    "limits and prices": "rules update_ms list_lengths detour spare labour parts own".split(),
 }
+
+#: Update times to choose from [ms].
+_UPDATES = {0: "as listed"} | {ms: f"{ms}" for ms in (1000, 500, 200, 100, 50, 20)}
 
 #: Maximum length of a list in characters, and in bytes as JSON; a saved state has at most 2 MB.
 _LONGEST = 1_000_000
@@ -69,42 +64,28 @@ _MIND = (
 )
 
 #: Mixes, by name: the options for some types or categories, and the option for all other points.
-MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
-    {
-        "digital AS-i + analogue CAN": ({"DI": "AS-i", "DO": "AS-i"}, "CAN"),
-        "digital AS-i + analogue Modbus RTU": ({"DI": "AS-i", "DO": "AS-i"}, "Modbus RTU"),
-        "digital AS-i + analogue home runs": ({"DI": "AS-i", "DO": "AS-i"}, "home runs"),
-        "category III home runs + rest CAN": ({"III": "home runs"}, "CAN"),
-        "category III home runs + rest Modbus RTU": ({"III": "home runs"}, "Modbus RTU"),
-    }
-)
+_DIGITAL, _ALARMS = {"DI": "AS-i", "DO": "AS-i"}, {"III": "home runs"}
+MIXES: Mapping[str, tuple[Mapping[str, str], str]] = {
+    "digital AS-i + analogue CAN": (_DIGITAL, "CAN"),
+    "digital AS-i + analogue Modbus RTU": (_DIGITAL, "Modbus RTU"),
+    "digital AS-i + analogue home runs": (_DIGITAL, "home runs"),
+    "category III home runs + rest CAN": (_ALARMS, "CAN"),
+    "category III home runs + rest Modbus RTU": (_ALARMS, "Modbus RTU"),
+}
 
 #: Seed for drawing the assumptions at random, the same as in `shipnet design`.
 _SEED = 2024
 
 #: Prefixes of the names of assumptions about the parts of a bus, without its cable.
-_BUS_PARTS = (
-    "asi_",
-    "can_",
-    "modbus_",
-    "station_",
-    "second_interface",
-    "supply",
-    "repeater",
-    "terminator",
-    "gateway",
+_BUS_PARTS = tuple(
+    "asi_ can_ modbus_ station_ second_interface supply repeater terminator gateway".split()
 )
 
-
-def _examples() -> Mapping[str, str]:
-    ship = datasets.path("synthetic_iolist_ship.csv").read_text(encoding="utf-8")
-    titles, *rows = ship.splitlines(keepends=True)
-    engine = [row for row in rows if row.split(",")[1] == "Main engine"]
-    return MappingProxyType({"main engine": titles + "".join(engine), "ship": ship})
-
-
 #: Example lists, both synthetic: the 99 points of an engine, and the 353 points of a ship.
-EXAMPLES = _examples()
+_SHIP = datasets.path("synthetic_iolist_ship.csv").read_text(encoding="utf-8")
+_TITLES, *_ROWS = _SHIP.splitlines(keepends=True)
+_ENGINE = [row for row in _ROWS if row.split(",")[1] == "Main engine"]
+EXAMPLES: Mapping[str, str] = {"main engine": "".join([_TITLES, *_ENGINE]), "ship": _SHIP}
 
 
 @record
@@ -129,120 +110,25 @@ class ShipDesign(Tool):
     #: The example lists, by name.
     EXAMPLES: ClassVar[Mapping[str, str]] = EXAMPLES
 
-    points: str = text(
-        default=EXAMPLES["main engine"],
-        most=_LONGEST,
-        rows=6,
-        label="I/O list",
-        help="One row per point, pasted from a spreadsheet or as CSV: tag, type or signal, and x, "
-        "y, z or the length of its home run. The list is read when you leave the editor.",
-    )
-    name: str = text(
-        default="main engine (synthetic)",
-        most=80,
-        label="name of the list",
-        help="Title in the report.",
-    )
-    cabinet: str = text(
-        default=_CABINET,
-        most=60,
-        hint="inferred from the list",
-        label="cabinet x, y, z [m]",
-        help="Position at which the cables end; if empty, it is inferred from the list's lengths.",
-    )
-    home_runs: bool = switch(
-        default=True, label="home runs", help="A cable from each point to the cabinet."
-    )
-    junction_boxes: bool = switch(
-        default=True,
-        label="junction boxes",
-        help="A cable from each point to a box, and a multi-pair cable from there to the cabinet.",
-    )
-    asi: bool = switch(
-        default=True, label="AS-i", help="Modules on a two-wire line that also carries the supply."
-    )
-    can: bool = switch(default=True, label="CAN", help="Stations on a trunk.")
-    modbus: bool = switch(default=True, label="Modbus RTU", help="Stations polled over RS-485.")
-    mixed: str = choice(
-        {name: name for name in ("none", *MIXES)},
-        default="none",
-        label="a mix",
-        help="One more option, which connects some points by one method and the others by another. "
-        "With few boxes and stations, a mix may cost more than either method alone.",
-    )
-    doubled: bool = switch(
-        default=True, label="two lines", help="Also compare CAN and Modbus with doubled trunks."
-    )
-    rules: str = choice(
-        {name: name for name in RULE_SETS},
-        default="DNV",
-        label="rules",
-        help="The rules to check. A rule counts as not verified, never as met, if the "
-        "plan cannot show that it is met or if none of us has read the rule.",
-    )
-    update_ms: int = choice(
-        {0: "as listed", 1000: "1000", 500: "500", 200: "200", 100: "100", 50: "50", 20: "20"},
-        default=0,
-        unit="ms",
-        slider=True,
-        label="update, at most",
-        help="Limit for the update time of every point; reduce it to see which bus fails first.",
-    )
-    list_lengths: bool = switch(
-        default=True,
-        label="lengths of the list",
-        help="Use the cable lengths in the list. If off, all lengths are "
-        "computed from positions, so that all options are compared on the same basis.",
-    )
-    detour: float = number(
-        1,
-        2,
-        default=1.15,
-        step=0.05,
-        label="detour",
-        help="Laid length of a cable as a multiple of its route parallel to the axes. Assumed.",
-    )
-    spare: float = number(
-        0,
-        1,
-        default=0.2,
-        step=0.05,
-        label="spare pairs",
-        help="Spare pairs of a multi-pair cable, as a fraction of the pairs in use. Assumed.",
-    )
-    labour: float = number(
-        10,
-        200,
-        default=55.0,
-        step=5,
-        unit="EUR/h",
-        label="labour rate",
-        help="Hourly cost of an electrician, with overhead; low and high scale with it. Assumed.",
-    )
-    parts: float = number(
-        0.25,
-        4,
-        default=1.0,
-        step=0.05,
-        label="price of bus parts",
-        help="Modules, stations, masters and supplies, as a multiple of the assumed prices.",
-    )
-    own: str = text(
-        default="",
-        most=20_000,
-        rows=4,
-        hint="[asi]\nlength = 200",
-        label="other limits and prices",
-        help="Lines of a settings file: bit rates, lengths, currents, load, prices, time in "
-        "the host. They override the controls. All settings are in settings.toml, below.",
-    )
-    picture: str = choice(
-        PICTURES,
-        default="cost",
-        label="figure",
-        help="Filled dots are Pareto-optimal with respect to both axes. The assumptions shown "
-        "matter most to the cost difference between the first option and the cheapest other one.",
-    )
+    points: str = text(_WORDS["points"], default=EXAMPLES["main engine"], most=_LONGEST, rows=6)
+    name: str = text(_WORDS["name"], default="main engine (synthetic)", most=80)
+    cabinet: str = text(_WORDS["cabinet"], default=_CABINET, most=60, hint="inferred from the list")
+    home_runs: bool = switch(_WORDS["home_runs"], default=True)
+    junction_boxes: bool = switch(_WORDS["junction_boxes"], default=True)
+    asi: bool = switch(_WORDS["asi"], default=True)
+    can: bool = switch(_WORDS["can"], default=True)
+    modbus: bool = switch(_WORDS["modbus"], default=True)
+    mixed: str = choice(("none", *MIXES), _WORDS["mixed"], default="none")
+    doubled: bool = switch(_WORDS["doubled"], default=True)
+    rules: str = choice(RULE_SETS, _WORDS["rules"], default="DNV")
+    update_ms: int = choice(_UPDATES, _WORDS["update_ms"], default=0, unit="ms", slider=True)
+    list_lengths: bool = switch(_WORDS["list_lengths"], default=True)
+    detour: float = number(1, 2, help=_WORDS["detour"], default=1.15, step=0.05)
+    spare: float = number(0, 1, help=_WORDS["spare"], default=0.2, step=0.05)
+    labour: float = number(10, 200, "EUR/h", _WORDS["labour"], default=55.0, step=5)
+    parts: float = number(0.25, 4, help=_WORDS["parts"], default=1.0, step=0.05)
+    own: str = text(_WORDS["own"], default="", most=20_000, rows=4, hint="[asi]\nlength = 200")
+    picture: str = choice(PICTURES, _WORDS["picture"], default="cost")
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -255,17 +141,16 @@ class ShipDesign(Tool):
     @property
     def options(self) -> tuple[str, ...]:
         """The options to compare."""
-        chosen = {
+        is_on = {
             "home runs": self.home_runs,
             "junction boxes": self.junction_boxes,
             "AS-i": self.asi,
             "CAN": self.can,
-            "CAN doubled": self.can and self.doubled,
             "Modbus RTU": self.modbus,
-            "Modbus RTU doubled": self.modbus and self.doubled,
-            self.mixed: self.mixed != "none",
         }
-        return tuple(option for option, wanted in chosen.items() if wanted)
+        chosen = [option for option in OPTIONS if is_on[option.removesuffix(" doubled")]]
+        chosen = [option for option in chosen if self.doubled or not option.endswith(" doubled")]
+        return (*chosen, *([] if self.mixed == "none" else [self.mixed]))
 
     @cached_property
     def result(self) -> Comparison:
@@ -280,14 +165,20 @@ class ShipDesign(Tool):
     def _settings(self) -> Settings:
         """Return the values of the controls, overridden by the user's own settings."""
         values: dict[str, object] = {
-            "spare": self.spare,
-            "list_lengths": self.list_lengths,
-            "detour": self.detour,
-            **_prices(self.labour, self.parts),
+            name: getattr(self, name) for name in ("spare", "list_lengths", "detour")
         }
-        given = Settings.parse(self.own, "limits and prices")
-        words = {table: dict(pairs) for table, pairs in given.reading._asdict().items()}
-        return Settings(values | dict(given.changes()["value"]) | words)
+        assumed = Assumptions()
+        times = {"labour_rate": self.labour / assumed["labour_rate"].nominal}
+        for name in assumed:
+            if name.startswith(_BUS_PARTS) and assumed.entry(name).unit == "EUR":
+                times[name] = self.parts
+        for name, factor in times.items():
+            if factor != 1:
+                price = Range(*(factor * value for value in assumed[name]))
+                values[f"assumptions.{name}"] = price
+        typed = Settings.parse(self.own, "limits and prices")
+        words = {table: dict(pairs) for table, pairs in typed.reading._asdict().items()}
+        return Settings(values | dict(typed.changes()["value"]) | words)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the chosen figure."""
@@ -299,19 +190,19 @@ class ShipDesign(Tool):
 
     def _view(self, report: bool = False) -> View:
         """Return the view that the page shows; with `report`, it offers the report's files."""
-        found = self.result
-        heights = {"cost": 1.2 + 0.4 * len(found.designs), "assumptions": 3.4}
-        files: dict[str, str | bytes] = {"settings.toml": found.settings.text()}
+        result = self.result
+        heights = {"cost": 1.2 + 0.4 * len(result.designs), "assumptions": 3.4}
+        files: dict[str, str | bytes] = {"settings.toml": result.settings.text()}
         ready = {}
         if report:
-            files |= {"report.html": found.html(), "tables.zip": zipped(found.files())}
+            files |= {"report.html": result.html(), "tables.zip": zipped(result.files())}
             ready = {"report": "ready; the button to download it is at the foot of the page"}
         return View(
-            verdict=f"{len(found.iolist)} points: {found.verdict}",
-            ok=found.ok,
-            table=found.short(),
+            verdict=f"{len(result.iolist)} points: {result.verdict}",
+            ok=result.ok,
+            table=result.short(),
             caption=_MIND,
-            numbers=ready | _numbers(found),
+            numbers=ready | _numbers(result),
             plot=self.plot,
             height=heights.get(self.picture, 3.6),
             about=PICTURES[self.picture],
@@ -320,49 +211,39 @@ class ShipDesign(Tool):
 
     def _options(self) -> dict[str, Any]:
         # The inputs for which a report was requested; the report is dropped when the inputs change.
-        asked: list[ShipDesign] = []
+        requested: list[ShipDesign] = []
 
         def see(inputs: ShipDesign) -> View:
-            if asked != [inputs]:
-                asked.clear()
-            return inputs._view(report=bool(asked))
+            if requested != [inputs]:
+                requested.clear()
+            return inputs._view(report=bool(requested))
 
-        def ask(inputs: ShipDesign) -> None:
-            asked[:] = [inputs]
+        def request(inputs: ShipDesign) -> None:
+            requested[:] = [inputs]
 
         def example(name: str, cabinet: str) -> Button:
             points = EXAMPLES[name]
-            said = f"{points.count(chr(10)) - 1} points, synthetic; they replace the list above."
-            return Button(
-                f"example: {name}",
-                said,
-                lambda inputs: replace(
-                    inputs, points=points, name=f"{name} (synthetic)", cabinet=cabinet
-                ),
-            )
+            new = {"points": points, "name": f"{name} (synthetic)", "cabinet": cabinet}
+            help = f"{points.count(chr(10)) - 1} points, synthetic; they replace the list above."
+            return Button(f"example: {name}", help, lambda inputs: replace(inputs, **new))
 
-        report = Button(
-            "make the report",
+        def own_settings(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
+            lines = text_of(content)
+            Settings.parse(lines, name)
+            return replace(inputs, own=lines)
+
+        help = (
             "One file to read offline and print: tables, figures, rules and all "
             "assumptions. tables.zip has the cables, terminals, points and drawing of each "
-            "option. Buttons to download both files appear at the foot of the page.",
-            ask,
+            "option. Buttons to download both files appear at the foot of the page."
         )
-        uploads = [
-            Upload(
-                "load a list",
-                "A CSV or Excel file to replace the list above.",
-                ".csv,.txt,.xlsx",
-                from_file,
-            ),
-            Upload(
-                "load settings",
-                "Limits and prices, as TOML; they replace those above.",
-                ".toml,.txt",
-                settings_from_file,
-            ),
-        ]
+        report = Button("make the report", help, request)
         buttons = [example("main engine", _CABINET), example("ship", ""), report]
+        help = "A CSV or Excel file to replace the list above."
+        points = Upload("load a list", help, ".csv,.txt,.xlsx", from_file)
+        help = "Limits and prices, as TOML; they replace those above."
+        settings = Upload("load settings", help, ".toml,.txt", own_settings)
+        uploads = [points, settings]
         return {"see": see, "folds": _FOLDS, "buttons": buttons, "uploads": uploads}
 
 
@@ -381,13 +262,6 @@ def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
     return replace(inputs, points=text_of(content), name=name[-80:], cabinet="")
 
 
-def settings_from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
-    """Return the inputs with the text of a settings file as the user's own settings."""
-    lines = text_of(content)
-    Settings.parse(lines, name)
-    return replace(inputs, own=lines)
-
-
 @lru_cache(maxsize=8)
 def _points(text: str, name: str, update_ms: int, reading: Reading) -> IoList:
     """Return the I/O list in `text`; a nonzero `update_ms` limits the update time of each point."""
@@ -399,37 +273,18 @@ def _points(text: str, name: str, update_ms: int, reading: Reading) -> IoList:
     return replace(iolist, points=iolist.points.assign(update_ms=needed))
 
 
-@lru_cache(maxsize=8)
-def _site(iolist: IoList, cabinet: str, settings: Settings) -> tuple[Site, str]:
-    """Return the site of a list, and a remark if `cabinet` is blank, otherwise ""."""
-    return site_of(iolist, cabinet.strip() or None, settings)
+_site = lru_cache(maxsize=8)(site_of)
 
 
 @lru_cache(maxsize=48)
 def _planned(iolist: IoList, site: Site, settings: Settings, option: str, rules: str) -> Design:
-    asked = RuleSet.of(rules)
+    rule_set = RuleSet.of(rules)
     if option in OPTIONS:
-        return plan(iolist, site, option, settings=settings, rules=asked)
-    choose, default = MIXES[option]
-    there = {*iolist.points["type"], *iolist.points["category"]}
-    named = {key: value for key, value in choose.items() if key in there}
-    return plan(iolist, site, default, settings=settings, mix=named, name=option, rules=asked)
-
-
-def _prices(labour: float, parts: float) -> dict[str, Range]:
-    """Return the assumptions changed by a labour rate [EUR/h] and a price factor for bus parts."""
-    assumed = Assumptions()
-    times = {"labour_rate": labour / assumed["labour_rate"].nominal}
-    times |= {
-        name: parts
-        for name in assumed
-        if name.startswith(_BUS_PARTS) and assumed.entry(name).unit == "EUR"
-    }
-    return {
-        f"assumptions.{name}": Range(*(factor * value for value in assumed[name]))
-        for name, factor in times.items()
-        if factor != 1
-    }
+        return plan(iolist, site, option, settings=settings, rules=rule_set)
+    mix, default = MIXES[option]
+    present = {*iolist.points["type"], *iolist.points["category"]}
+    mix = {key: value for key, value in mix.items() if key in present}
+    return plan(iolist, site, default, settings=settings, mix=mix, name=option, rules=rule_set)
 
 
 @lru_cache(maxsize=4)
@@ -441,10 +296,10 @@ def _compared(
     unpriced = settings.replace(
         {name: default[name] for name in names() if name.startswith("assumptions.")}
     )
-    at, said = _site(iolist, cabinet, unpriced)
-    designs = [_planned(iolist, at, unpriced, option, rules).priced(settings) for option in options]
-    found = compare(designs, rules=rules, rng=_SEED)
-    return replace(found, remarks=(said,) if said else ())
+    site, remark = _site(iolist, cabinet.strip() or None, unpriced)
+    designs = [_planned(iolist, site, unpriced, name, rules).priced(settings) for name in options]
+    comparison = compare(designs, rules=rules, rng=_SEED)
+    return replace(comparison, remarks=(remark,) if remark else ())
 
 
 #: Maximum number of violated rules shown per design.
@@ -456,7 +311,7 @@ _FAILED = {"cut": "is cut", "short": "is shorted", "device": "fails"}
 def _numbers(comparison: Comparison) -> dict[str, str]:
     """Return, in words, the results that the table of a comparison omits."""
     x, y, z = comparison.site.cabinet
-    said = {
+    numbers = {
         "list": "; ".join([str(comparison.iolist), *comparison.iolist.remarks]),
         "cabinet": "; ".join(comparison.remarks) or f"the cabinet is at {x:g}, {y:g}, {z:g} m",
         "conclusions": " ".join(comparison.conclusions()),
@@ -467,12 +322,11 @@ def _numbers(comparison: Comparison) -> dict[str, str]:
             for row in rows.itertuples()
         ]
         more = f"; and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
-        said[f"{option} violates"] = "; ".join(violated[:_SHOWN]) + more
+        numbers[f"{option} violates"] = "; ".join(violated[:_SHOWN]) + more
     for option, design in comparison.designs.items():
         failures = worst(design.failures())
         for row in failures[failures["points_lost"] > 0].itertuples():
             lost = f"{row.points_lost} point{'' if row.points_lost == 1 else 's'}"
-            said[f"{option} at worst"] = (
-                f"{lost} lost when {row.failed} {_FAILED[str(row.failure)]}"
-            )
-    return said
+            failure = _FAILED[str(row.failure)]
+            numbers[f"{option} at worst"] = f"{lost} lost when {row.failed} {failure}"
+    return numbers

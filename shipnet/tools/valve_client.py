@@ -19,7 +19,9 @@ from shipnet.fields import record, text, whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.tools._page import Page
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import Button, View
+from shipnet.tools._view import Button, View, words
+
+_WORDS = words("valve_client")
 
 if TYPE_CHECKING:
     import ipywidgets as widgets
@@ -42,44 +44,11 @@ class ValveClient(Tool):
     'valve 1: closed, 0 %'
     """
 
-    address: str = text(
-        default="",
-        hint="own server",
-        label="address",
-        help="Name or address of a server. If empty, the page uses its own server.",
-    )
-    port: int = whole(
-        1,
-        0xFFFF,
-        default=5020,
-        typed=True,
-        label="port",
-        help="Port of the server; ignored without an address.",
-    )
-    valves: int = whole(
-        1,
-        MAX_UNIT,
-        default=_OWN,
-        typed=True,
-        label="valves shown",
-        help=f"The page's own server has {_OWN}.",
-    )
-    valve: int = whole(
-        1,
-        MAX_UNIT,
-        default=1,
-        at_most="valves",
-        label="valve",
-        help="The valve that the buttons command.",
-    )
-    target: int = whole(
-        0,
-        100,
-        default=40,
-        unit="%",
-        label="position",
-        help="Position to which the button 'position' moves the valve.",
-    )
+    address: str = text(_WORDS["address"], default="", hint="own server")
+    port: int = whole(1, 0xFFFF, help=_WORDS["port"], default=5020, typed=True)
+    valves: int = whole(1, MAX_UNIT, help=_WORDS["valves"], default=_OWN, typed=True)
+    valve: int = whole(1, MAX_UNIT, help=_WORDS["valve"], default=1, at_most="valves")
+    target: int = whole(0, 100, "%", _WORDS["target"], default=40)
 
     @cached_property
     def result(self) -> Readout:
@@ -95,7 +64,6 @@ class ValveClient(Tool):
         return Explorer(self, story)
 
     def _view(self) -> View:
-        """Return the view of simulated valves."""
         return self.view(self.result)
 
     def view(self, readout: Readout, answer: str = "", *, refused: bool = False) -> View:
@@ -104,9 +72,7 @@ class ValveClient(Tool):
         silent = row["state"] == "silent"
         place = f"{row['state']}, {said(row['position_percent'], 0, '%')}"
         return View(
-            verdict=f"valve {self.valve} does not respond"
-            if silent
-            else f"valve {self.valve}: {place}",
+            verdict=f"valve {self.valve}{' does not respond' if silent else f': {place}'}",
             ok=not (refused or silent),
             numbers=({"last command": answer} if answer else {}) | readout.numbers(self.valve),
             plot=lambda ax: readout.screen.plot(self.valve, ax),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -19,7 +18,9 @@ from shipnet.fields import check_choice, check_scalar, choice, number, record, s
 from shipnet.fuzzy.rules import Decision, RuleBase
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import Preset, View
+from shipnet.tools._view import Preset, View, words
+
+_WORDS = words("valve_diagnosis")
 
 #: States of a valve: initial opening (0..1), command, and time of the reading [s].
 STATES: dict[str, tuple[float, str | None, float]] = {
@@ -29,21 +30,13 @@ STATES: dict[str, tuple[float, str | None, float]] = {
     "at rest, closed": (0.0, None, 1.0),
 }
 
-
 _BASE: RuleBase = rule_base()
 
 
-def _sensor(name: str, default: float, label: str, help: str) -> Any:
-    variable = _BASE[name]
+def _sensor(name: str, default: float) -> Any:
+    one = _BASE[name]
     return number(
-        variable.low,
-        variable.high,
-        default=default,
-        unit=variable.unit,
-        step=0.05,
-        missing=True,
-        label=label,
-        help=help,
+        one.low, one.high, one.unit, _WORDS[name], default=default, step=0.05, missing=True
     )
 
 
@@ -66,25 +59,14 @@ class ValveDiagnosis(Tool):
     #: The states of a valve that `from_plant` can simulate.
     STATES: ClassVar[Mapping[str, Any]] = STATES
 
-    FP: float = _sensor("FP", 90.0, "pump pressure FP", "Pressure at the pump; 90 is normal.")
-    OP: float = _sensor("OP", 2.0, "operating press. OP", "Operating pressure; 2 is normal.")
-    MC: float = _sensor("MC", 1.2, "motor current MC", "Pump motor current; 1.2 is normal.")
-    OT: float = _sensor("OT", 50.0, "motor temp. OT", "Pump motor temperature.")
-    VPos: float = _sensor("VPos", 50.0, "position VPos", "0 is closed, 100 is open.")
-    DVPos: float = _sensor(
-        "DVPos", 11.0, "speed DVPos", "Rate of change of VPos; used only while a command is active."
-    )
-    commanded: bool = switch(
-        default=True, label="a command is active", help="The valve has not yet reached its target."
-    )
-    threshold: float = number(
-        0.05,
-        1.0,
-        default=0.5,
-        step=0.05,
-        label="alarm threshold",
-        help="Minimum firing strength for a rule to be active.",
-    )
+    FP: float = _sensor("FP", 90.0)
+    OP: float = _sensor("OP", 2.0)
+    MC: float = _sensor("MC", 1.2)
+    OT: float = _sensor("OT", 50.0)
+    VPos: float = _sensor("VPos", 50.0)
+    DVPos: float = _sensor("DVPos", 11.0)
+    commanded: bool = switch(_WORDS["commanded"], default=True)
+    threshold: float = number(0.05, 1.0, help=_WORDS["threshold"], default=0.5, step=0.05)
 
     @property
     def readings(self) -> dict[str, list[float]]:
@@ -120,26 +102,13 @@ class ValveDiagnosis(Tool):
         ax.barh(range(len(codes)), list(strength.values()), color=colours, height=0.7)
         labels = [f"{code}  {_BASE.rule(code).english}" for code in codes]
         ax.set_yticks(range(len(codes)), labels)
-        ax.axvline(
-            self.threshold,
-            color=style.LIMIT["color"],
-            linestyle=style.LIMIT["linestyle"],
-            label="alarm threshold",
-        )
-        places = [codes.index(code) for code in self.printed]
-        ax.plot(
-            [1.03] * len(places),
-            places,
-            "x",
-            color="0.2",
-            markersize=6,
-            clip_on=False,
-            label="fires as printed",
-        )
-        ax.set_ylim(len(codes) - 0.4, -0.6)
-        ax.set_xlim(0, 1.06)
+        look: dict[str, Any] = dict(style.LIMIT)
+        ax.axvline(self.threshold, label="alarm threshold", **look)
+        y = [codes.index(code) for code in self.printed]
+        look = {"color": "0.2", "markersize": 6, "clip_on": False}
+        ax.plot([1.03] * len(y), y, "x", label="fires as printed", **look)
+        ax.set(xlim=(0, 1.06), ylim=(len(codes) - 0.4, -0.6), xlabel="firing strength")
         ax.set_xticks([0, 0.25, 0.5, 0.75, 1])
-        ax.set_xlabel("firing strength")
         ax.grid(visible=False, axis="y")
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
         return ax
@@ -168,11 +137,9 @@ class ValveDiagnosis(Tool):
         run = simulate_valves(system, orders, faults, duration)
         last = {name: round(float(values[-1, 0]), 6) for name, values in run.samples.items()}
         commanded = bool(run.active[-1, 0])
-        return cls(
-            **{**last, "DVPos": last["DVPos"] if commanded else 0.0},
-            commanded=commanded,
-            threshold=threshold,
-        )
+        if not commanded:
+            last["DVPos"] = 0.0
+        return cls(**last, commanded=commanded, threshold=threshold)
 
     def _view(self) -> View:
         top = str(self.result.top[0])
@@ -197,25 +164,10 @@ class ValveDiagnosis(Tool):
         return {"preset": Preset(_Plant(), make)}
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Plant:
-    fault: str = choice(
-        [NORMAL, *FAULTS],
-        default=NORMAL,
-        label="fault",
-        help="A fault of the simulated plant, which determines the readings.",
-    )
-    severity: float = number(
-        0,
-        1,
-        default=1.0,
-        step=0.01,
-        label="its severity",
-        help="0 is healthy, 1 is the full fault.",
-    )
-    state: str = choice(
-        list(STATES),
-        default="opening",
-        label="the valve is",
-        help="State of the valve; a moving valve starts half open and is read after 4 s.",
-    )
+    """The simulated valve that sets the readings."""
+
+    fault: str = choice([NORMAL, *FAULTS], _WORDS["fault"], default=NORMAL)
+    severity: float = number(0, 1, help=_WORDS["severity"], default=1.0, step=0.01)
+    state: str = choice(list(STATES), _WORDS["state"], default="opening")

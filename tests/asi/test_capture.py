@@ -1,19 +1,15 @@
 """Transactions decoded from line voltages of our own simulator and of ngspice."""
 
-import itertools
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from matplotlib.figure import Figure
-from scipy.signal import bilinear, firwin, lfilter
+from scipy.signal import bilinear, lfilter
 
-from shipnet import asi, style
 from shipnet.__main__ import main
 from shipnet.arrays import parts_of
 from shipnet.asi import Call, Request, bursts
@@ -137,16 +133,6 @@ def test_shortest_and_longest_pauses(pauses):
     assert capture.transactions["master_pause_bit"].to_numpy() == pytest.approx(pauses[0], abs=0.05)
     found = capture.transactions["slave_pause_bit"].to_numpy()[:-1]
     assert found == pytest.approx(pauses[1], abs=0.05)
-
-
-def test_loud_and_weak_slaves_on_one_line():
-    check_five(decode(five(swing={1: 2.1, 2: 0.65, 3: 2.1, 4: 0.65}), 1e-7))
-
-
-def test_a_single_transaction_in_much_silence():
-    telegrams, _ = cycle((21,), start=12e-3)
-    capture = decode(noise(line(telegrams, 30e-3, 5e6), 0.1), 2e-7)
-    assert capture.transactions["address"].tolist() == [21]
 
 
 def test_two_cycles_with_every_kind_of_event():
@@ -333,13 +319,6 @@ def test_telegrams_cut_off_are_marked_and_whole_ones_are_not(first, length, offs
     assert wrong <= {"ok", "", "cut off"}
 
 
-def test_both_ends_are_marked():
-    table = decode(CUT_LINE[200:1500], 2e-7).transactions
-    assert table["request_error"].tolist() == ["cut off", "ok"]
-    assert table["response_error"].tolist() == ["ok", "cut off"]
-    assert table["text"][1].endswith("; response cut off: 011????")
-
-
 def test_a_gap_starts_a_new_part():
     u = five()
     u[3000:5000] = np.nan
@@ -368,33 +347,6 @@ def test_pieces_do_not_change_the_result(monkeypatch):
         whole[numbers].to_numpy(float, na_value=np.nan),
         atol=0.02,
     )
-
-
-def test_extended_addresses_name_a_and_b_slaves():
-    halves = [Request.data_exchange(3, 5, "A"), Request.data_exchange(3, 5, "B")]
-    telegrams = []
-    for k, request in enumerate(halves):
-        telegrams += [(20e-6 + k * 26 * BIT, request.bits, 60e-3)]
-        telegrams += [(20e-6 + (k * 26 + 17) * BIT, request.answer(6).bits, 60e-3)]
-    u = line(telegrams, 340e-6, 10e6)
-    capture = decode(u, 1e-7, extended=[3])
-    assert capture.transactions["half"].tolist() == ["A", "B"]
-    assert capture.summary().seen == ["3A", "3B"]
-    assert decode(u, 1e-7).transactions["request_data"].tolist() == [0xD, 0x5]
-
-
-def test_equal_requests_have_the_texts_of_their_own_answers():
-    request = Request.data_exchange(5, 3)
-    telegrams = []
-    for k, answer in enumerate((6, 9, None, 6, None)):
-        telegrams.append((20e-6 + k * 40 * BIT, request.bits, 60e-3))
-        if answer is not None:
-            telegrams.append((20e-6 + (k * 40 + 17) * BIT, request.answer(answer).bits, 60e-3))
-    texts = decode(line(telegrams, 1.1e-3, 10e6), 1e-7).transactions["text"]
-    said = [text.removeprefix("data exchange with slave 5: outputs 0011 (3); ") for text in texts]
-    answers = [f"response to data exchange: inputs {bits}" for bits in ("0110 (6)", "1001 (9)")]
-    assert said == [answers[0], answers[1], "no answer", answers[0], "response cut off"]
-    assert texts.dtype == "category"
 
 
 def test_calls_without_answer_and_without_meaning():
@@ -483,33 +435,6 @@ def test_bad_arguments_are_named(u, dt, options, message):
         decode(u, dt, **options)
 
 
-def test_a_figure_of_a_long_record_shows_every_peak():
-    u = noise(np.zeros(200_000), 0.1)
-    u[123_456] = 9
-    ax = Figure().subplots()
-    decode(u, 1e-7).plot(ax)
-    drawn = ax.lines[0]
-    assert len(drawn.get_ydata()) < 25_000
-    assert drawn.get_ydata().max() == 9
-
-
-@pytest.mark.parametrize("stop", [400e-6, 700e-6, 2e-3, 20e-3])
-def test_no_words_above_a_record_overlap(stop):
-    wave = asi.line(60, 31).record(20e-3, rng=1)
-    capture = decode(noise(wave.u, 0.75), wave.dt)
-    with mpl.rc_context():
-        style.use()
-        ax = Figure(figsize=(10, 3.2), layout="constrained").subplots()
-        capture.plot(ax, stop=stop)
-        ax.figure.draw_without_rendering()
-    boxes = [text.get_window_extent() for text in ax.texts]
-    assert not [a for a, b in itertools.combinations(boxes, 2) if a.overlaps(b)]
-    errors = [text.get_text() for text in ax.texts if "Error" in text.get_text()]
-    red = [bar for bar in ax.patches if mpl.colors.same_color(bar.get_facecolor()[:3], "#c0392b")]
-    if stop == 20e-3:
-        assert len(red) > len(errors) > 3
-
-
 def test_command_decodes_a_scope_file(tmp_path, capsys):
     telegrams, middle = cycle(range(1, 32), silent=(5,))
     more, end = cycle(range(1, 32), start=middle, silent=(5,))
@@ -559,16 +484,9 @@ def test_the_bits_in_a_file_survive_pandas(tmp_path, suffix):
     assert table["response"].tolist() == [f"0b{ANSWERS[a].bits}" for a in (1, 2, 3, 4, 21)]
 
 
-@pytest.mark.parametrize("up", [2, 4])
-def test_the_low_pass_is_that_of_scipy(up):
-    expected = up * firwin(16 * up + 1, 1 / up, window=("kaiser", 5.65))
-    assert bursts._lowpass(up, 1) == pytest.approx(expected, abs=1e-7)
-
-
 @pytest.mark.parametrize("kind", [np.float64, np.float32, np.int16, ">f8"])
 def test_a_mapped_file_decodes_like_its_samples(kind, tmp_path, monkeypatch):
     monkeypatch.setattr(scope_file, "MAPPED", 0)
-    monkeypatch.setattr(bursts, "_TOGETHER", 5)
     telegrams, end = cycle(range(1, 32))
     u = (1000 * noise(line(telegrams, end + 20e-6, 10e6), 0.05)).astype(kind)
     if u.dtype.kind == "f":

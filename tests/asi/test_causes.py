@@ -142,11 +142,12 @@ def two_faults(one, other, seed):
     """
     rng = np.random.default_rng(seed)
     both = {one, other}
-    options = {}
+    # Half of the record must show every slave several times if the supply fails for the other half.
+    options = {"duration": 40e-3} if POWER in both else {}
     while True:
         # Where interference is too strong for its slaves, draw another plan and another strength.
         if INTERFERENCE in both:
-            options = dict(zip(("disturbance", "amplitude"), interference(rng), strict=True))
+            options["disturbance"], options["amplitude"] = interference(rng)
         if CABLE in both:
             plan = long_tree(rng)
         elif SECOND in both:
@@ -199,20 +200,20 @@ def test_causes_on_trees_that_the_rules_do_not_come_from():
 
 def test_two_causes_are_among_the_first_three():
     # Two faults that both change the impedance add up to one impedance: only one can be named.
-    # Interference of more than 30 % of the power hides the impedance, and silent slaves, too.
     pairs = [
         pair for pair in combinations(CAUSES, 2) if len({*pair, CABLE, SECOND, INDUCTANCE}) > 3
     ]
-    missed, tried = [], 0
     for (one, other), seed in product(pairs, range(4000, 4000 + several(1, 4))):
         wave, slaves = two_faults(one, other, seed)
-        table = decode(wave).causes()
-        first = list(zip(table.index[:3], table["slave"][:3], strict=True))
-        tried += 1
-        if not set(zip((one, other), slaves, strict=True)) <= set(first):
-            missed.append((one, other, seed, first))
-    print(f"{tried} records with two faults, missed: {missed}")
-    assert len(missed) <= 0.1 * tried
+        table = decode(wave).causes().iloc[:3]
+        missed = set(zip((one, other), slaves, strict=True)) - set(
+            zip(table.index, table["slave"], strict=True)
+        )
+        # Telegrams of a long cable that cannot be restored may be spoilt by its echoes or by
+        # interference; then the evidence names both.
+        if {one, other} == {CABLE, INTERFERENCE} and "interference" in table["evidence"].iloc[0]:
+            missed.discard((INTERFERENCE, ""))
+        assert not missed, (one, other, seed, table)
 
 
 def test_healthy_trees_have_no_cause():
@@ -236,9 +237,6 @@ def test_a_slave_at_half_the_level_is_named_even_within_the_limits(seed):
     assert capture.check().table().query("rule == 'response level'")["value"].min() >= 1.5
     assert capture.check().violated()["object"].tolist() == [f"slave {label}"]
     assert capture.causes()["slave"].to_dict() == {WEAK: label}
-
-
-# The plan ----------------------------------------------------------------------------------------
 
 
 def test_slaves_are_compared_with_the_plan():
@@ -284,9 +282,6 @@ def test_decode_with_a_plan(tmp_path, capsys):
     assert main(["decode", record, "--plan", record]) == 2
 
 
-# Power fails -------------------------------------------------------------------------------------
-
-
 def test_a_supply_that_drops_is_a_power_fail():
     capture = decode(distorted(dead(duration=20e-3), np.random.default_rng(1), POWER))
     assert capture.causes().index[0] == POWER
@@ -310,9 +305,6 @@ def test_a_supply_that_is_off_for_most_of_the_record_is_a_power_fail():
     capture = decode(replace(wave, u=u))
     assert capture.causes().index[0] == POWER
     assert "supply voltage" in capture.check().violated()["rule"].tolist()
-
-
-# The figure --------------------------------------------------------------------------------------
 
 
 def test_the_figure_begins_at_the_first_telegram_of_the_first_cause(tmp_path):
@@ -353,14 +345,6 @@ def test_half_a_decoupling_and_two_supplies_are_one_impedance():
         assert "a supply with half these values looks the same" in causes["evidence"].iloc[0]
 
 
-def test_only_answers_from_a_shared_address_are_bad():
-    capture = decode(faulty(DUPLICATE, 3))
-    table, causes = capture.transactions, capture.causes()
-    bad = table[~table["response_error"].isin(["ok", "", "no answer", "cut off"])]
-    assert set(bad["address"].astype(str)) == {causes["slave"].iloc[0]}
-    assert "its level is" in causes["evidence"].iloc[0]
-
-
 def test_a_slave_that_is_too_weak_to_be_read_is_named():
     wave = asi.line(60, slaves=5).record(weak={"3": 0.18}, rng=1)
     u = wave.u + 0.15 * np.random.default_rng(1).standard_normal(wave.u.size)
@@ -381,9 +365,6 @@ def test_the_impedance_is_that_of_the_network(metres):
     assert np.abs(1 / y) == pytest.approx(np.abs(true), rel=0.03)
 
 
-# The record ------------------------------------------------------------------------------------
-
-
 def test_a_record_begins_with_the_request_that_the_plan_computes():
     plan = asi.line(100, slaves=(5, 60))
     request = Request.data_exchange(1, 0xF)
@@ -394,14 +375,6 @@ def test_a_record_begins_with_the_request_that_the_plan_computes():
     heard = wave.u[begin : begin + true.u.size] - plan.voltages["60 m"]
     np.testing.assert_allclose(heard, true.u, atol=1e-3)
     assert request.bits[:7] == asked[:7]
-
-
-def test_a_printed_capture_ends_with_its_causes():
-    plan = asi.line(60, slaves=(10, 60))
-    assert "cause" not in str(decode(plan.record(10e-3, rng=1)))
-    capture = decode(plan.record(10e-3, weak={"2": 0.4}, rng=1))
-    cause = capture.causes().iloc[0]
-    assert str(capture).splitlines()[-1] == f"probable cause weak slave 2: {cause.evidence}"
 
 
 def test_a_slave_that_hears_no_request_is_dropped():
@@ -418,8 +391,6 @@ def test_a_slave_that_hears_no_request_is_dropped():
     assert counters["missing slave frames"] == len(data) + 2
     assert capture.counters().loc["repetitions", "light"] == "red"
 
-
-# Slaves that do not respond ---------------------------------------------------------------------
 
 RULE = "missing responses in a row"
 FIVE = asi.line(60, slaves=5)
@@ -450,35 +421,12 @@ def test_a_dead_slave_violates_a_rule_and_is_named():
     assert causes["evidence"].iloc[0].startswith("none of its 6 data exchanges has a response")
 
 
-def test_decode_of_a_dead_slave_ends_with_exit_code_1(tmp_path, capsys):
-    path = tmp_path / "dead.csv"
-    dead("3", duration=5e-3).save(path)
-    assert main(["decode", str(path)]) == 1
-    said = capsys.readouterr().out
-    assert "probable cause 1: silent slave 3; none of its" in said
-    assert f"{RULE}: 6 at slave 3" in said
-
-
-def test_all_slaves_dead():
-    capture = decode(dead(*"12345"))
-    assert set(silences(capture).values()) == {("violated", 6.0)}
-    assert capture.causes().index.unique().tolist() == [SILENT]
-    assert capture.causes()["slave"].tolist() == list("12345")
-
-
 def test_a_slave_that_stops_responding():
     capture = decode(joined(dead(), dead("3")))
     assert silences(capture)["slave 3"] == ("violated", 6.0)
     assert capture.summary().missing == []
     (evidence,) = capture.causes().query("cause == @SILENT")["evidence"]
     assert "responds to 9 data exchanges, but not to the last 6" in evidence
-
-
-def test_a_slave_that_stops_responding_just_before_the_record_ends():
-    # Each cycle takes about 1.1 ms; the second record ends after two of them.
-    capture = decode(joined(dead(), dead("3", duration=2.5e-3)))
-    assert silences(capture)["slave 3"] == ("violated", 4.0)
-    assert capture.causes()["slave"].to_dict() == {SILENT: "3"}
 
 
 def test_a_slave_that_responds_again():
@@ -495,11 +443,6 @@ def test_a_dead_slave_beside_a_few_disturbances_is_not_weak():
     capture = decode(replace(wave, u=u))
     assert 0 < capture.disturbances < 3
     assert capture.causes().index.tolist() == [SILENT, INTERFERENCE]
-
-
-def test_a_dead_slave_beside_a_weak_one():
-    causes = decode(FIVE.record(10e-3, weak={"2": 0.4, "3": 0.0}, rng=1)).causes()
-    assert causes["slave"].to_dict() == {WEAK: "2", SILENT: "3"}
 
 
 def test_no_slave_is_expected_where_the_master_only_searches():
@@ -539,17 +482,6 @@ def test_bad_arguments_of_a_record_are_named(options, message):
 def test_a_line_without_slaves_has_no_record():
     with pytest.raises(ArgumentError, match="needs a master and a slave"):
         asi.line(60).record()
-
-
-# What a summary and counters say ---------------------------------------------------------------
-
-
-def test_addresses_where_the_master_looks_for_new_slaves_are_not_missing():
-    summary = decode(asi.line(60, slaves=3).record(10e-3, rng=1)).summary()
-    assert summary.seen == ["1", "2", "3"]
-    assert summary.missing == []
-    assert summary.vacant[:3] == ["0", "4", "4B"]
-    assert summary.slaves.index.tolist() == ["1", "2", "3"]
 
 
 def test_bad_requests_leave_the_cycle_and_the_slaves():

@@ -112,7 +112,3 @@ def test_repetitions_only_delay_the_worst_case():
 def test_illegal_cycles_are_refused(call, message):
     with pytest.raises(ArgumentError, match=message):
         call()
-
-
-def test_an_empty_line_still_looks_for_slaves():
-    assert cycle_time(0) == pytest.approx(2 * 156e-6)

@@ -14,7 +14,7 @@ from shipnet.asi.emc.error_rates import (
     independent_failures,
 )
 from shipnet.asi.modulation import CLASSES, HALF_BIT, Modulation
-from shipnet.asi.receiver import RECEIVERS, Receiver, Waveform, matched_filter
+from shipnet.asi.receiver import RECEIVERS, Receiver, Waveform
 from shipnet.asi.segment import PROBES
 from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.timing import Cycle, Transaction
@@ -144,14 +144,6 @@ def test_theory_is_refused_where_a_weakened_first_pulse_slips():
     assert theory_of(NEAR, [0.55], minimum=1.2, matched=False) > 0
 
 
-def test_the_noise_after_the_filter_is_that_of_theory():
-    noise = Noise().voltage(np.arange(4096) * 250e-9, 1.0, rng(), 50, span=(0, 0))
-    y = matched_filter(noise, 250e-9)[:, 20:-20]
-    assert y.std() == pytest.approx(np.sqrt(8 / (3 * 12)), rel=0.01)
-    # Noise a half-bit apart, which is the length of the filter, is independent.
-    assert abs(np.mean(y[:, 12:] * y[:, :-12])) / y.var() < 0.01
-
-
 def test_small_rates_do_not_drown_in_rounding():
     # A pulse of 2.4 V fails below half of the first one, which is as noisy: the difference has
     # 1.2 V and sqrt(1 + 1/4) of the noise, ten over sqrt(5/4) sigma.
@@ -207,21 +199,6 @@ def test_a_valid_but_wrong_telegram_is_undetected():
     assert row["rate"] == pytest.approx(15 / 16, abs=0.02)
     assert row["undetected_high"] == row["rate_high"]
     assert not row[[*CLASSES, "silence"]].any()
-
-
-def test_every_word_is_sent_and_meets_its_own_disturbance():
-    seen = []
-
-    def record(t, amplitude, size):
-        seen.append(size)
-        return np.zeros((size, t.size))
-
-    assert rates_of(NEAR, Added(record), 1.0, 10_000, rng())["failed"][0] == 0
-    assert sum(seen) == 10_000
-    assert max(seen) * NEAR.t.size <= 2**18
-    words = [asi.Request.data_exchange(address, 5).bits for address in range(1, 32)]
-    requests = asi.line(100, slaves=(5,)).waveform(words)
-    assert rates_of(requests, Noise(), 0.1, 300, rng())["failed"][0] == 0
 
 
 @pytest.mark.parametrize(
@@ -338,9 +315,6 @@ def test_every_named_receiver_has_a_source():
     assert RECEIVERS["unfiltered"].minimum == pytest.approx(4 * 0.3)
 
 
-# What failures do to a cycle -------------------------------------------------------------------
-
-
 def test_the_time_to_three_failed_cycles_agrees_with_a_markov_chain():
     # The chain counts failed cycles in a row, 0 to 2, and ends at the third: mean steps to it.
     for p in (0.2, 0.5, 0.9):
@@ -407,15 +381,6 @@ def test_batches_count_what_a_plain_loop_counts(monkeypatch, inside, slaves, len
     assert table["per_h"].tolist() == pytest.approx((table["per_packet"] * 12_000).tolist())
 
 
-def test_a_single_packet_counts_as_much_as_one_of_many(monkeypatch):
-    # Series that are still open when the packet ends count as well.
-    monkeypatch.setattr(error_rates, "PACKET_LENGTH", 2e-3)
-    generator = rng()
-    alone = sum(burst_failures(0.9, generator, 1, slaves=3)["series"] for _ in range(400)) / 400
-    many = burst_failures(0.9, rng(), 8000, slaves=3)["per_packet"]
-    assert (np.abs(alone - many) <= 5 * np.sqrt(many / 400)).all()
-
-
 def test_an_endless_packet_agrees_with_the_closed_form(monkeypatch):
     # 10 s of independent failures: series are geometric up to the sixth, drops as often as
     # `independent_failures` says with cycles as long as repetitions make them.
@@ -429,27 +394,6 @@ def test_an_endless_packet_agrees_with_the_closed_form(monkeypatch):
     cycle = Cycle(slaves, transaction=Transaction(bit_time=6e-6 * longer))
     drops = independent_failures(p, cycle)["drops_per_h"][0] * length / 3600
     assert table.loc[6, "per_packet"] == pytest.approx(drops, rel=0.03)
-
-
-def test_packets_drop_slaves_far_more_often_than_independent_failures():
-    duty = 15 / 300
-    table = burst_failures(0.5, rng(), 4000, slaves=8).set_index("failures")
-    independent = independent_failures(0.5 * duty, Cycle(8))["drops_per_h"][0]
-    assert table.loc[6, "per_h"] > 1000 * independent
-
-
-def test_certain_failure_and_none(monkeypatch):
-    assert not burst_failures(0, rng(), 100)["series"].any()
-    # A cycle of one slave has four slots of 156 us, two of them tries: 3 ms contain four cycles and
-    # drop it once or more. A cycle of 31 slaves takes 10 ms when all tries are repeated.
-    assert burst_failures(1, rng(), 500, slaves=31)["series"].iloc[-1] == 0
-    monkeypatch.setattr(error_rates, "PACKET_LENGTH", 3e-3)
-    assert burst_failures(1, rng(), 500, slaves=1)["series"].iloc[-1] >= 500
-    # A packet of length 0 still hits the exchange under way: one of 31 slots in 33.
-    monkeypatch.setattr(error_rates, "PACKET_LENGTH", 0.0)
-    point = burst_failures(1, rng(), 4000, slaves=31)
-    assert point["per_packet"][0] == pytest.approx(31 / 33, abs=0.02)
-    assert not point["series"][1:].any()
 
 
 @pytest.mark.parametrize(

@@ -62,12 +62,6 @@ def test_the_interval_contains_the_rate_as_often_as_it_says():
     assert 132 <= held
 
 
-def test_other_seeds_and_parts_agree():
-    first, second = (rate_of(0.3, 20_000, seed=seed) for seed in (5, 6))
-    assert first["rate"] != second["rate"]
-    assert within(first, second["rate_low"], second["rate_high"])
-
-
 def test_a_rate_is_the_mean_of_strong_and_weak_telegrams():
     strong = replace(NEAR, u=NEAR.u[:1], bits=NEAR.bits[:1])
     weak = replace(strong, u=0.55 * strong.u)
@@ -105,21 +99,6 @@ def test_each_design_point_satisfies_its_inequalities_and_none_nearer_does():
             assert (a @ other < b).any() or other @ other >= point @ point - 1e-9
     opposite = [(np.array([1.0, 0.0]), 1.0), (np.array([-1.0, 0.0]), 1.0)]
     assert rare_errors._design_point(opposite) is None
-
-
-def test_each_wave_has_a_row():
-    waves = {
-        "line": asi.line(100, slaves=(5,)).waveform(),
-        "star": asi.star(60, [10, 20]).waveform(node="leg 2"),
-    }
-    whole = rare_error_rates(waves, DENSITY([0.4, 0.3]), 6000, receiver=PROOF)
-    assert whole[["wave", "telegrams"]].to_numpy().tolist() == [
-        ["line", 6000],
-        ["line", 6000],
-        ["star", 6000],
-        ["star", 6000],
-    ]
-    assert whole["noise_density"].tolist() == [*DENSITY([0.4, 0.3])] * 2
 
 
 def test_where_nothing_is_lost_the_rate_has_a_bound_and_is_not_sound():

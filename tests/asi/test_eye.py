@@ -74,24 +74,3 @@ def test_bits_that_do_not_fit_the_voltages_are_refused(bits, message):
     one = Waveform(np.zeros((16, 268)), 250e-9, bits=WORDS[0].tolist())
     assert one.bits.shape == (7,)
     assert one.span == pytest.approx((0, 42e-6))
-
-
-class Ramp:
-    """A disturbance that records its arguments."""
-
-    def voltage(self, t, amplitude, rng, size, *, span):
-        self.asked = t, amplitude, size, span
-        return amplitude * np.arange(size)[:, np.newaxis] + rng.random((size, len(t)))
-
-
-def test_a_disturbance_covers_the_telegrams_of_a_record_that_begins_before_them():
-    wave = Waveform(np.ones((2, 3, 400)), 250e-9, start=-20e-6, bits=WORDS[:3])
-    ramp = Ramp()
-    noisy = wave.disturbed(ramp, 10.0, 5)
-    t, amplitude, size, span = ramp.asked
-    assert (t[0], amplitude, size) == (0, 10, 6)
-    assert t[-1] == pytest.approx(399 * 250e-9)
-    assert span == (20e-6, 62e-6)
-    expected = 1 + 10 * np.arange(6)[:, np.newaxis] + np.random.default_rng(5).random((6, 400))
-    assert np.array_equal(noisy.u, expected.reshape(2, 3, 400))
-    assert (noisy.start, noisy.dt) == (wave.start, wave.dt)

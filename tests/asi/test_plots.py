@@ -1,19 +1,25 @@
 import matplotlib as mpl
-import matplotlib.pyplot as plt
+import numpy as np
 import pytest
+from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
 from shipnet import style
-from shipnet.asi import Request, Response, Transaction, compare
+from shipnet.asi import Transaction
+from shipnet.asi.simulation import simulate
+from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import plot_telegram
 from shipnet.asi.topologies import line
-from shipnet.errors import LengthError
+from shipnet.errors import ArgumentError, LengthError
+from shipnet.style import LIMIT
+from tests.asi.lines import simulate_drawn
 
 
 @pytest.fixture
 def ax():
     with mpl.rc_context():
-        yield Figure().subplots()
+        style.use()
+        yield Figure(figsize=(9, 2.4)).subplots()
 
 
 def texts(ax):
@@ -30,33 +36,73 @@ def test_a_telegram_of_another_length_is_refused(ax):
         plot_telegram("0101", ax=ax)
 
 
-def test_all_figures_share_one_style():
-    with mpl.rc_context():
-        style.use()
-        assert mpl.rcParams["figure.figsize"] == [6.4, 3.2]
-        assert mpl.rcParams["axes.grid"] is True
+def points(ax, label):
+    found = [drawn for drawn in ax.lines if drawn.get_label() == label]
+    return [] if not found else list(zip(*found[0].get_data(), strict=True))
 
 
-def test_the_tolerances_of_a_comparison_are_named_on_their_lines(ax):
-    compare({100: line(100, slaves=(5, 100))}).plot(ax)
-    named = {text.get_text(): text.get_position() for text in ax.texts}
-    assert {name: y for name, (_, y) in named.items()} == pytest.approx(
-        {"weakest pulse,\nat least": 65, "ringing,\nat most": 30}
+def legend(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_slaves_are_drawn_at_their_distance_in_the_colour_of_their_verdict(ax):
+    plan = line(100, 62)
+    findings = plan.check()
+    assert findings.plot(ax=ax) is ax
+    low = findings.violated().query("rule == 'slave_voltage'")
+    assert len(points(ax, "slave, failed")) == len(low) > 0
+    assert len(points(ax, "slave, passed")) == 62 - len(low)
+    assert max(x for x, _ in points(ax, "slave, passed")) < min(
+        x for x, _ in points(ax, "slave, failed")
     )
-    # Names and legend are outside and do not cover the data.
-    assert all(x > 1 for x, _ in named.values())
-    ax.figure.draw_without_rendering()
-    assert ax.get_legend().get_window_extent().y0 >= ax.get_window_extent().y1 - 1
+    assert legend(ax) == ["supply", "master", "slave, passed", "slave, failed"]
+    assert not ax.texts
 
 
-def test_a_telegram_on_axes_of_its_own_needs_no_tuning():
-    for telegram in (Request.data_exchange(21, 0xE), Response(6)):
-        ax = telegram.plot()
-        ax.figure.draw_without_rendering()
-        fields = [text for text in ax.texts if text.get_position()[1] < 0]
-        inside = ax.get_window_extent()
-        # The names of the fields are above the ticks, and nothing is cut off.
-        assert all(text.get_window_extent().y0 > inside.y0 for text in fields) and fields
-        assert (ax.get_xlabel(), len(ax.get_yticks())) == ("time [bit]", 0)
-        assert ax.figure.get_layout_engine() is not None
-        plt.close(ax.figure)
+def test_a_segment_that_violates_a_rule_is_red(ax):
+    plan = line(60, [20]).with_repeater("60 m", line(110, [110]))
+    plan.check().plot(ax=ax)
+    drawn = [one for one in ax.lines if len(one.get_xdata())]
+    red = [one for one in drawn if same_color(one.get_color(), LIMIT["color"])]
+    assert [max(one.get_xdata()) for one in red] == [170]
+    assert points(ax, "repeater")[0][0] == 60
+    assert [text.get_text() for text in ax.texts] == ["1", "2"]
+
+
+def traffic():
+    drawn = np.zeros((4, 3, 2, 2), dtype=np.uint8)
+    drawn[1, 0, 1, 0] = 1
+    drawn[2, 0, 1, 0] = 5 << 2
+    return simulate_drawn(drawn, [Slave("1", "S-7.F.F"), Slave("2", "S-7.F.F")], cycles=4)
+
+
+def requests_in(ax):
+    return [patch for patch in ax.patches if patch.get_y() == -0.4]
+
+
+def test_of_many_requests_those_around_the_first_fault_are_drawn(ax):
+    drawn = np.zeros((300, 3, 2, 2), dtype=np.uint8)
+    drawn[[200, 250], 0, 1, 0] = 1
+    run = simulate_drawn(drawn, [Slave("1"), Slave("2")], cycles=300)
+    run.plot(ax=ax)
+    events = run.events()
+    fault = events.query("phase == 'data_exchange' and outcome != 'ok'").index[0]
+    assert len(requests_in(ax)) == 40
+    assert requests_in(ax)[20].get_x() == pytest.approx(1e3 * events["time_s"][fault])
+    said = f"requests {fault - 19} to {fault + 20} of {len(events)}, around the first fault"
+    assert ax.get_title("left") == said
+
+
+@pytest.mark.parametrize("cycles", [60, 300])
+def test_of_many_requests_without_a_fault_the_longest_wait_is_drawn(ax, cycles):
+    run = simulate([Slave("1"), Slave("2")], cycles=cycles)
+    run.plot(ax=ax)
+    many = len(run.events()) > 500
+    assert many == (cycles == 300)
+    assert len(requests_in(ax)) == (40 if many else len(run.events()))
+    assert ax.get_title("left").endswith("around the longest wait of a slave" if many else "")
+
+
+def test_a_figure_of_nothing_is_refused(ax):
+    with pytest.raises(ArgumentError, match="select no request"):
+        traffic().plot(start=1.0, ax=ax)

@@ -20,13 +20,6 @@ def test_published_times_are_consistent():
     assert edges.iloc[2:].to_numpy() - edges.iloc[:2].to_numpy() == pytest.approx(2 * 6)
 
 
-def test_a_master_may_stretch_its_pause():
-    longest = TIMES["longest pause before the next request"]
-    assert longest / TIMES["bit"] > 80
-    stretched = Transaction(slave_pause=longest / TIMES["bit"])
-    assert stretched.duration * 1e6 == pytest.approx(84 + 18 + 42 + longest)
-
-
 @pytest.mark.parametrize(
     ("pauses", "microseconds"), [((2, 1.5), 147), ((2, 2), 150), ((3, 2), 156), ((10, 2), 198)]
 )
@@ -51,3 +44,10 @@ def test_transactions_of_published_length(pauses, microseconds):
 def test_impossible_pauses(pauses):
     with pytest.raises(ArgumentError, match=next(iter(pauses))):
         Transaction(**pauses)
+
+
+def test_a_master_may_stretch_its_pause():
+    longest = TIMES["longest pause before the next request"]
+    assert longest / TIMES["bit"] > 80
+    stretched = Transaction(slave_pause=longest / TIMES["bit"])
+    assert stretched.duration * 1e6 == pytest.approx(84 + 18 + 42 + longest)

@@ -161,19 +161,6 @@ def test_disturbed_plans_respond_within_their_bounds(plan, seed):
     assert largest_excess(plan, faults, 40, rng)[0] <= ROUNDING
 
 
-@pytest.mark.parametrize(
-    "faults",
-    [
-        [TelegramErrors("7", request=0.05)],
-        [TelegramErrors(f"{n}", request=0.03) for n in range(1, 32)],
-        [TelegramErrors(f"{n}", request=0.3, response=0.3) for n in range(1, 32)],
-    ],
-)
-def test_missed_requests_and_slaves_out_of_step_are_within_the_bounds(faults):
-    excess, count = largest_excess(line(31, 31), faults, 400, 2026)
-    assert excess <= ROUNDING and count > 2000
-
-
 def test_two_slaves_out_of_step_reach_the_bound_of_a_disturbed_line():
     plan = line(10, 2)
     run = simulate(plan, cycles=4000, faults=[TelegramErrors(n, 0.5) for n in "12"], rng=1)

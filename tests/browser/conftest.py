@@ -20,17 +20,11 @@ from tests.support import require
 
 SITE = Path(__file__).resolve().parents[2] / "build" / "site"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-ARGUMENTS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-]
+FLAGS = (
+    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-sync "
+    "--disable-background-networking --disable-component-update"
+)
+ARGUMENTS = [*FLAGS.split(), "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"]
 
 
 @contextmanager
@@ -124,8 +118,7 @@ def page(browser) -> Iterator[object]:
     page.on("request", lambda request: requests.append(request.url))
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on(
-        "console",
-        lambda message: errors.append(message.text) if message.type == "error" else None,
+        "console", lambda message: errors.append(message.text) if message.type == "error" else None
     )
     yield page
     context.close()

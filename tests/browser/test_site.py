@@ -5,8 +5,6 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from shipnet.papers import PAPERS
-
 LONG = 30_000
 FIGURE = r"<img [^>]*_images/[0-9a-f]{64}[^>]*>"
 
@@ -53,15 +51,6 @@ def test_every_notebook_is_in_the_navigation(page, url, site):
     assert notebooks <= set(links)
 
 
-def test_a_notebook_shows_its_figure(page, url, site):
-    if not (site / "notebooks").is_dir():
-        pytest.skip("there are no notebooks yet")
-    page.goto(f"{url}/{pages_with(site, '<img', folders=['notebooks'])[0]}")
-    figure = page.locator(".cell_output img").first
-    expect(figure).to_be_visible(timeout=LONG)
-    assert figure.evaluate("image => image.naturalWidth") > 100
-
-
 def test_formulas_are_drawn_without_a_script(page, url, site):
     page.goto(f"{url}/{pages_with(site, '<math')[0]}")
     formula = page.locator("math").first
@@ -91,21 +80,6 @@ def test_the_navigation_goes_from_start_to_reference(page, url):
     assert ", ".join(captions).lower() == order
 
 
-def test_the_landing_page_leads_to_each_paper(page, url):
-    page.goto(f"{url}/index.html")
-    rows = page.locator("article tbody tr")
-    assert rows.count() == len(PAPERS)
-    for key in PAPERS:
-        assert rows.locator(f"a[href*='papers/{key}/']").count()
-
-
-def test_the_ledger_has_a_row_for_each_claim(page, url):
-    page.goto(f"{url}/ledger.html#kim2023-004")
-    row = page.locator("tr#kim2023-004")
-    expect(row).to_be_in_viewport(timeout=LONG)
-    expect(row).to_contain_text("0.4032")
-
-
 # Parts of a page that reach beyond the edge of their box, or of the page.
 CUT = """selector => [...document.querySelectorAll(selector)]
   .filter(box => box.scrollWidth > box.clientWidth
@@ -133,14 +107,6 @@ def test_a_phone_shows_claims_and_glossary_without_scrolling_aside(page, url, si
     for name in claims:
         page.goto(f"{url}/{name}")
         assert page.evaluate(CUT, ".text_html:has(.shown)") == [], name
-
-
-def test_a_table_that_is_too_wide_is_shaded_where_more_follows(page, url):
-    page.set_viewport_size({"width": 390, "height": 844})
-    page.goto(f"{url}/ledger.html")
-    table = page.locator(".wide").first
-    assert table.evaluate("box => box.scrollWidth > box.clientWidth")
-    expect(table).to_have_css("background-attachment", "local, local, scroll, scroll")
 
 
 def test_the_book_opens_from_the_disk_without_a_network(page, site):

@@ -3,9 +3,7 @@
 import re
 import shutil
 
-import nbformat
 import pytest
-from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
 from docs import editions, slides
 
@@ -121,55 +119,3 @@ def test_the_speaker_view_shows_the_notes(page, root):
     shown = opened.value.locator(".speaker-controls-notes .value")
     shown.get_by_text(minutes).wait_for()
     assert "exchange_us = (14 +" in shown.inner_text()
-
-
-def long_cells():
-    text = " ".join(["word"] * 60)
-    code = new_code_cell("\n".join(f"line_{k} = {k}" for k in range(15)))
-    code.outputs = [new_output("stream", text="\n".join(map(str, range(15))))]
-    # At its usual size this table is wider than the slide.
-    row = "".join(f"<td>unbroken_{k:06}</td>" for k in range(7))
-    table = new_code_cell("table")
-    table.outputs = [
-        new_output("display_data", {"text/html": f"<table><tr>{row}</tr></table>"}),
-    ]
-    questions = "\n\n".join(
-        f"{k}. Why {k}?\n\n<details><summary>Answer</summary>{text}</details>" for k in range(1, 9)
-    )
-    return [
-        new_markdown_cell("# 01 Long"),
-        new_markdown_cell("## Much\n\n" + "\n\n".join(f"{k} {text}" for k in range(9))),
-        code,
-        table,
-        new_markdown_cell(f"**Questions**\n\n{questions}"),
-    ]
-
-
-def write_long(root):
-    """Write a lesson with slides that are too tall, and return its source."""
-    nbformat.write(new_notebook(cells=long_cells()), root / editions.LESSONS / "01_long.ipynb")
-    source = root / "01_long.md"
-    source.write_text("# 01 Long\n")
-    return source
-
-
-def test_what_is_too_tall_goes_on_below_in_its_order(page, root):
-    html = show(page, root, write_long(root))
-    now, written = page.evaluate(WORDS, html)
-    assert now == written
-    assert all_faults(page) == []
-    assert page.evaluate("Reveal.getTotalSlides()") > html.count("<section") / 2
-    ends = page.evaluate(
-        "Reveal.getSlides().map((slide) => [slide.firstChild.tagName, slide.lastChild.tagName])"
-    )
-    assert all(first != "DETAILS" and last not in ("H1", "H2") for first, last in ends[1:])
-    assert page.evaluate("document.querySelectorAll('details[open]').length") > 0
-
-
-def test_slides_that_do_not_fit_are_found(page, root):
-    html = show(page, root, write_long(root), leave_out="\n  fit();")
-    assert "\n  fit();" in html
-    assert {fault.partition(": ")[2] for fault in all_faults(page)} == {
-        "leaves the screen",
-        "lies under the arrows or the number",
-    }

@@ -155,22 +155,6 @@ def test_the_detected_rate_gives_the_same_frames_as_the_stated_rate():
         assert found.table().equals(given.table())
 
 
-def test_the_labels_of_the_board_are_not_bus_loads():
-    found = {name: read_capture(file) for name, file in BOARD.items()}
-    assert {name: len(capture.log) for name, capture in found.items()} == {
-        "25": 14,
-        "75": 107,
-        "extended": 5,
-    }
-    assert all(not capture.log.faults for capture in found.values())
-    starts = {name: np.median(np.diff(found[name].table()["start_s"])) for name in ("25", "75")}
-    assert starts["25"] / starts["75"] == pytest.approx(8, rel=1e-3)
-    loads = {name: found[name].loads()["load"] for name in ("25", "75")}
-    assert loads["25"]["with intermission"] < 0.004
-    assert loads["75"]["with intermission"] < 0.03
-    assert read_back(found["extended"])[0].extended
-
-
 # An independent check ---------------------------------------------------------------------------
 
 
@@ -433,10 +417,3 @@ def test_bad_arguments_are_refused(save, tmp_path, monkeypatch):
     assert "it has more than 112 frames" in refused(SNIPPET)
     monkeypatch.setattr("shipnet.line.scope_file.MOST_EDGES", 100)
     assert "more than 100 changes of level" in refused(SNIPPET)
-
-
-def test_the_log_of_a_capture_is_compared_and_measured(boat):
-    assert boat.log.load(250e3).total()["load"].item() == pytest.approx(0.0318, abs=2e-4)
-    assert len(boat.log.messages()) == 9
-    # A second capture of the same bus is compared with the first.
-    assert set(can.compare(boat.log.messages(), read_capture(SNIPPET).log).table()["frames"]) != {0}

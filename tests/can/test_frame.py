@@ -29,17 +29,6 @@ def test_the_bits_are_those_of_the_specification_taken_literally(frame):
     assert frame.length == len(reference) + 3
 
 
-def test_lengths_are_those_of_can_utils():
-    for row in rows("can_utils_lengths.csv"):
-        frame = Frame(
-            int(row["arbitration_id_hex"], 16),
-            bytes.fromhex(row["data_hex"]),
-            row["extended"] == "1",
-            row["remote"] == "1",
-        )
-        assert frame.length == int(row["length_with_intermission"]), str(frame)
-
-
 def test_known_long_frames_have_the_expected_crc_and_stuff_bits():
     for row, frame in zip(rows("worst_attainable_frames.csv"), LONGEST, strict=True):
         assert frame.crc == int(row["crc15"])
@@ -116,22 +105,12 @@ def test_a_frame_prints_as_candump_prints_it(frame, text):
     assert str(frame) == text
 
 
-def test_a_frame_takes_its_bits_and_the_intermission_at_1_kbit_to_1_mbit():
-    frame = Frame(0x123, b"ship")
-    for rate in (1e3, 1e6):
-        assert frame.frame_time(rate) == frame.length / rate
-    for rate in (999.9, 1000001):
-        with pytest.raises(ArgumentError, match=r"^bit_rate is .* bit/s; .* 1000\.\.1e\+06 bit/s$"):
-            frame.frame_time(rate)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({"arbitration_id": 2048}, r"arbitration_id is 2048; .* 0\.\.2047 for an id of 11 bits"),
         ({"arbitration_id": 2**29, "extended": True}, r"0\.\.536870911 for an id of 29 bits"),
         ({"arbitration_id": -1}, "arbitration_id is -1"),
-        ({"arbitration_id": True}, "arbitration_id is True"),
         ({"data": bytes(9)}, r"data has 9 bytes; it must have 0\.\.8"),
         ({"data": "12"}, "data is '12'; it must be bytes"),
         ({"data": b"1", "remote": True}, "a remote frame carries none"),
@@ -172,26 +151,15 @@ def test_every_single_wrong_bit_but_the_last_is_detected(frame, data):
     assert decode(flipped(frame.bits, len(frame.bits) - 1)) == frame
 
 
-@given(st.text("01", max_size=200) | st.text(max_size=30))
-def test_any_bits_give_a_frame_or_the_error_of_a_class(bits):
-    try:
-        frame = decode(bits)
-    except FrameError as error:
-        assert type(error) is not FrameError
-        assert error.code
-    else:
-        assert bits.startswith(frame.bits[:-1])
-
-
 @given(frames(), st.data())
-def test_bits_that_resemble_a_frame_give_a_frame_or_its_error(frame, data):
-    bits = frame.bits
-    for _ in range(data.draw(st.integers(1, 4))):
+def test_any_bits_give_a_frame_or_the_error_of_a_class(frame, data):
+    bits = data.draw(st.just(frame.bits) | st.text("01", max_size=200) | st.text(max_size=30))
+    for _ in range(data.draw(st.integers(1, 4)) if bits == frame.bits else 0):
         bits = flipped(bits, data.draw(st.integers(0, len(bits) - 1)))
     try:
         read = decode(bits)
     except FrameError as error:
-        assert type(error) is not FrameError
+        assert type(error) is not FrameError and error.code
     else:
         assert bits.startswith(read.bits[:-1])
 

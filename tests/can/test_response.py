@@ -4,7 +4,6 @@ import csv
 import json
 import math
 from collections import deque
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from unittest.mock import Mock, patch
@@ -16,13 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from shipnet import style
 from shipnet.can import (
     Assumptions,
     Message,
     MessageSet,
-    audsley,
-    example,
     faults,
     response_times,
     simulate,
@@ -74,12 +70,6 @@ def test_the_example_of_davis_2007_is_reproduced(row):
     assert found.blocking == float(row["B_ms"]) / 1e3
     assert found.busy_period == float(row["busy_period_ms"]) / 1e3
     assert len(found.instances) == int(row["Q"])
-
-
-def test_a_set_that_fails_only_in_a_second_instance_is_not_schedulable():
-    assert not schedulable(davis_messages(), 125_000)
-    patient = [replace(m, deadline=3.5e-3) for m in davis_messages()[1:]]
-    assert schedulable(MessageSet([davis_messages()[0], *patient]), 125_000)
 
 
 def message_set(frames, periods, jitters=None, deadlines=None):
@@ -160,42 +150,6 @@ def test_the_worst_release_attains_the_response_of_every_instance(drawn):
         assert len(instances) == -(-(busy + jitters[m]) // periods[m])
 
 
-@pytest.mark.parametrize("case", range(6))
-def test_large_sets_have_the_same_results_compiled_and_as_python(case, monkeypatch):
-    rng = np.random.default_rng(case)
-    rate, number = (125_000, 83_333, FAST)[case % 3], int(rng.integers(70, 90))
-    sizes, ranks = rng.integers(0, 9, number), rng.permutation(number)
-    periods = rng.choice([5, 10, 12.5, 20, 33.3, 100, 1000], number)
-    periods *= ((55 + 10 * sizes) / rate * 1e3 / periods).sum() / rng.choice([0.6, 0.9, 1.1])
-    messages = MessageSet(
-        Message(f"m{k}", int(rank), int(size), period / 1e3, jitter=jitter * period / 1e3)
-        for k, (rank, size, period, jitter) in enumerate(
-            zip(ranks, sizes, periods.round(3), rng.choice([0, 0.1, 2], number), strict=True)
-        )
-    )
-    some = Assumptions(
-        intermission=("everywhere", "between")[case // 2 % 2], own_jitter=case % 2 == 0
-    )
-    limit = errors(2, 0.5) if case % 2 else None
-    with patch.dict(all_instances.__dict__, fast=Mock(side_effect=all_instances.fast)):
-        fast = response_times(messages, rate, assumptions=some, faults=limit)
-        all_instances.fast.assert_called_once()
-    monkeypatch.setenv("SHIPNET_COMPILED", "0")
-    plain = response_times(messages, rate, assumptions=some, faults=limit)
-    assert list(map(repr, fast)) == list(map(repr, plain))
-
-
-def test_ten_messages_and_overloaded_ones_do_not_load_the_compiler():
-    refuse = Mock(side_effect=AssertionError)
-    with (
-        patch.dict(all_instances.__dict__, fast=refuse),
-        patch.dict(instances.__dict__, fast=refuse),
-    ):
-        assert response_times(example(), 125_000).met
-        assert audsley(example(), 125_000).feasible
-        assert not response_times(example(), 20_000).met
-
-
 @pytest.mark.parametrize(
     "odd",
     [
@@ -229,18 +183,20 @@ def test_each_message_alone_has_the_same_busy_period_and_instances(drawn, burst,
     ],
 )
 def test_large_sets_at_odd_bit_rates_are_compiled(messages, interval):
-    fast = Mock(return_value=([], [], [], []))
+    number = len(messages)
+    fast = Mock(return_value=([0] * number, [0] * number, [0] * number, range(1, number + 1)))
     with patch.dict(all_instances.__dict__, fast=fast):
         response_times(MessageSet(messages), 999_983, faults=errors(1, interval))
     columns, numbers = fast.call_args.args[:3], fast.call_args.args[3:]
     assert max(*(max(column) for column in columns), *numbers) <= 2**62
 
 
-@given(small_sets(most_jitter=1.0), st.integers(0, 2**32 - 1))
-def test_no_release_exceeds_the_bound(drawn, seed):
+@given(small_sets(most_jitter=1.0), st.integers(0, 3), st.integers(0, 2**32 - 1))
+def test_no_release_and_no_faults_exceed_the_bound(drawn, burst, seed):
     frames, periods, jitters = drawn
     rng = np.random.default_rng(seed)
-    bound = [round(r.response / US) for r in response_times(message_set(*drawn), FAST)]
+    found = response_times(message_set(*drawn), FAST, faults=errors(burst))
+    bound = [round(min(each.response / US, 10**9)) for each in found]
     for _ in range(3):
         arrivals = [
             rng.integers(period) + period * np.arange(6000 // period + 2) for period in periods
@@ -250,27 +206,9 @@ def test_no_release_exceeds_the_bound(drawn, seed):
             np.maximum.accumulate(times + rng.integers(jitter + 1, size=len(times))).tolist()
             for times, jitter in zip(arrivals, jitters, strict=True)
         ]
-        for ends, times, most in zip(play(frames, releases), arrivals, bound, strict=True):
+        finish = play(frames, releases, faults=rng.integers(0, 1500, size=burst).tolist())
+        for ends, times, most in zip(finish, arrivals, bound, strict=True):
             assert (np.array(ends) - times).max() <= most
-
-
-@given(small_sets(most_jitter=0.5), st.integers(0, 3), st.integers(0, 2**32 - 1))
-def test_no_release_and_no_faults_exceed_the_bound_with_faults(drawn, burst, seed):
-    frames, periods, jitters = drawn
-    rng = np.random.default_rng(seed)
-    bound = [
-        round(min(r.response / US, 10**9))
-        for r in response_times(message_set(*drawn), FAST, faults=errors(burst))
-    ]
-    arrivals = [period * np.arange(6000 // period + 2) for period in periods]
-    releases = [
-        np.maximum.accumulate(times + rng.integers(jitter + 1, size=len(times))).tolist()
-        for times, jitter in zip(arrivals, jitters, strict=True)
-    ]
-    faults = np.sort(rng.integers(0, 600, size=burst))
-    finish = play(frames, releases, faults=faults)
-    for ends, times, most in zip(finish, arrivals, bound, strict=True):
-        assert (np.array(ends) - times).max() <= most
 
 
 #: The messages of Broster et al. 2002, the most urgent first: data bytes, period [ms], and the
@@ -297,7 +235,8 @@ def test_the_published_responses_with_faults_are_reproduced(count):
         Message(f"m{k}", k, size, period / 1e3)
         for k, (size, period, _) in enumerate([*BROSTER, (1, 100, None)])
     )
-    few = errors(count, bits=faults.ERROR_BITS["Broster 2002"])
+    # Their 29 bits exclude the intermission, which is part of a frame here.
+    few = errors(count, bits=26)
     between = Assumptions(intermission="between")
     found = response_times(messages, 250e3, assumptions=between, faults=few)
     for one, (_, period, alone) in zip(found, BROSTER, strict=False):
@@ -308,23 +247,13 @@ def test_the_published_responses_with_faults_are_reproduced(count):
 
 def test_the_least_cost_of_an_error_bounds_a_simulated_bus():
     messages = MessageSet([Message("A", 1, 8, 0.1, sender="x"), Message("B", 2, 8, 0.1)])
-    low = errors(1, bits=faults.ERROR_BITS["least"])
+    low = errors(1, bits=20)  # two error flags of 6 bits and a delimiter of 8 bits
     bound = response_times(messages, FAST, faults=low)["B"].response
     seen = [
         simulate(messages, FAST, until=0.01, faults=faults.ErrorAt(k * US)).table().max_ms["B"]
         for k in (*range(125, 140), *range(255, 270))
     ]
     assert max(seen) / 1e3 == pytest.approx(bound, abs=1e-12)
-
-
-@pytest.mark.parametrize("faults", range(5))
-def test_faults_in_last_bits_attain_the_response_of_a_lone_message(faults):
-    frame, period = 135, 2000
-    ends = [k * (frame + 31) + frame for k in range(faults)]
-    attained = play([frame], [[0]], faults=ends)[0][0]
-    found = response_times(message_set([frame], [period]), FAST, faults=errors(faults))[0]
-    assert found.response == pytest.approx(attained * US, rel=1e-12)
-    assert attained == frame + faults * (31 + frame)
 
 
 def test_an_error_may_hit_the_longest_frame_that_goes_first():
@@ -338,7 +267,6 @@ def test_recurring_errors_equal_a_count_by_hand():
     low = response_times(messages, FAST, faults=errors(2, 500 * US, 29))[1]
     # w = 100 + F(w + 135) 164: 428 needs 3 errors, 592 needs 3: F(727) = 2 + 2 - 1.
     assert low.response == pytest.approx((100 + 3 * 164 + 135) * US, rel=1e-12)
-    assert errors(2, 500 * US).count(727 * US) == 3
 
 
 def test_an_error_that_is_due_as_the_busy_period_ends_does_not_count():
@@ -349,26 +277,6 @@ def test_an_error_that_is_due_as_the_busy_period_ends_does_not_count():
     assert alone.busy_period == pytest.approx((231 + 131) * US, rel=1e-12)
 
 
-@given(small_sets(), st.data())
-def test_more_jitter_longer_frames_and_more_messages_never_help(drawn, data):
-    before = [r.response for r in response_times(message_set(*drawn), FAST)]
-    frames, periods, jitters = (list(values) for values in drawn)
-    k = data.draw(st.integers(0, len(frames) - 1))
-    more = list(jitters)
-    more[k] += data.draw(st.integers(1, 500))
-    after = [r.response for r in response_times(message_set(frames, periods, more), FAST)]
-    assert all(b <= a for b, a in zip(before, after, strict=True))
-    longer = list(frames)
-    longer[k] = data.draw(st.integers(frames[k], 160))
-    after = [r.response for r in response_times(message_set(longer, periods, jitters), FAST)]
-    assert all(b <= a for b, a in zip(before, after, strict=True))
-    both = MessageSet(
-        [*message_set(*drawn), Message("new", 0x100 * data.draw(st.integers(1, 7)), 0, 0.05)]
-    )
-    after = {r.message.name: r.response for r in response_times(both, FAST)}
-    assert all(b <= after[f"m{k}"] for k, b in enumerate(before))
-
-
 @given(small_sets(), st.sampled_from([2, 4, 5, 8, 20]))
 def test_responses_scale_with_time(drawn, factor):
     frames, periods, jitters = drawn
@@ -377,26 +285,6 @@ def test_responses_scale_with_time(drawn, factor):
     for a, b in zip(response_times(message_set(*drawn), FAST), ours, strict=True):
         assert round(a.response / US) * factor == round(b.response / US)
         assert len(a.instances) == len(b.instances)
-
-
-def test_responses_in_bits_do_not_depend_on_the_bit_rate():
-    # 3 bits take 3 us at 1 Mbit/s and 10 us at 300 kbit/s, so all times are whole nanoseconds.
-    few = {"burst": 2, "bits": 31}
-    found = {}
-    for rate in (FAST, 300_000):
-        bit = 3 / rate / 3
-        messages = MessageSet(
-            Message(f"m{k}", k, 8, period * bit, period * bit, jitter * bit, bits=bits)
-            for k, (bits, period, jitter) in enumerate(
-                [(60, 300, 30), (90, 600, 60), (120, 900, 120)]
-            )
-        )
-        limit = ErrorBound(1200 * bit, **few)
-        times = response_times(messages, rate, faults=limit)
-        found[rate] = [[round(one * rate, 6) for one in each.instances] for each in times]
-    assert found[FAST] == found[300_000]
-    # The most urgent: blocking of 120 bits, two errors of 31 bits and a frame, itself, its jitter.
-    assert found[FAST][0][0] == 120 + 2 * (31 + 60) + 60 + 30
 
 
 def test_a_frame_that_is_queued_within_the_arbitration_time_goes_first():
@@ -443,14 +331,6 @@ def test_an_overloaded_bus_has_infinite_responses():
     assert [round(r / US) for r in alone.instances] == [200]
 
 
-def test_faults_can_overload_the_bus():
-    messages = message_set([100], [1000])
-    found = response_times(messages, FAST, faults=errors(1, 131 * US))[0]
-    assert found.response == math.inf
-    assert not schedulable(messages, FAST, faults=errors(1, 131 * US))
-    assert schedulable(messages, FAST, faults=errors(1, 500 * US))
-
-
 def test_a_load_of_almost_one_ends_or_counts_as_endless():
     # 1 - 2.5e-3: the backlog of 160 bits takes a busy period of 160 / 2.5e-3 bits to work off.
     messages = message_set([100, 100, 160], [200, 201, 10**6])
@@ -492,121 +372,56 @@ def test_empty_sets_are_accepted_and_wrong_arguments_refused():
 
 
 @pytest.mark.parametrize(
-    ("field", "value"),
+    ("make", "message"),
     [
-        ("stuffing", "mean"),
-        ("stuffing", "longest"),
-        ("intermission", True),
-        ("intermission", "nowhere"),
-        ("own_jitter", 1),
+        (lambda: Assumptions(stuffing="mean"), "stuffing is 'mean'"),
+        (lambda: Assumptions(intermission="nowhere"), "intermission is 'nowhere'"),
+        (lambda: Assumptions(own_jitter=1), "own_jitter is 1"),
+        (lambda: ErrorBound(math.inf, -1), "burst is -1"),
+        (lambda: ErrorBound(0.1, 0), "burst is 0; interval must be"),
+        (lambda: ErrorBound(1e6), r"interval is 1e\+06 s and burst is 1; interval must be"),
+        (lambda: ErrorBound(0), "interval is 0 s"),
+        (lambda: ErrorBound(math.inf, bits=16), "bits is 16"),
     ],
 )
-def test_a_wrong_assumption_is_refused(field, value):
-    with pytest.raises(ArgumentError, match=f"{field} is {value!r}"):
-        Assumptions(**{field: value})
-
-
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"burst": -1},
-        {"burst": 1.5},
-        {"burst": 0, "interval": 0.1},
-        {"interval": 0},
-        {"interval": math.nan},
-        {"interval": 1e6},
-        {"bits": 16},
-        {"bits": 32},
-    ],
-)
-def test_a_wrong_error_bound_is_refused(fields):
-    with pytest.raises(ArgumentError):
-        ErrorBound(**{"interval": math.inf, **fields})
+def test_a_wrong_assumption_or_error_bound_is_refused(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
 
 
 def test_the_table_agrees_with_the_results():
     found = response_times(davis_messages(), 125_000)
     table = found.table()
-    assert [*table] == [
-        "arbitration_id",
-        "frame_ms",
-        "blocking_ms",
-        "busy_period_ms",
-        "instances",
-        "response_ms",
-        "deadline_ms",
-        "slack_ms",
-        "met",
-        "load_percent",
-    ]
-    assert (found.bit_rate, table.index.name) == (125_000, "name")
-    assert (table.index.dtype, table["met"].dtype) == (object, bool)
-    assert table["frame_ms"].tolist() == [1.0, 1.0, 1.0]
-    assert table["blocking_ms"].tolist() == [1.0, 1.0, 0.0]
-    assert table["response_ms"].tolist() == [2.0, 3.0, 3.5]
-    assert table["slack_ms"].tolist() == [0.5, 0.25, -0.25]
-    assert table["busy_period_ms"].tolist() == [2.0, 5.0, 7.0]
-    assert table["met"].tolist() == [True, True, False]
-    assert table["instances"].tolist() == [1, 2, 2]
-    nothing = response_times(MessageSet([]), 125_000).table()
-    assert (len(nothing), [*nothing], nothing["met"].dtype) == (0, [*table], bool)
-    # 135 bits in ms, to the picosecond.
-    odd = response_times(MessageSet([Message("A", 1, 8, 0.1)]), 70_000).table()
-    assert odd["frame_ms"].tolist() == [1.928571429]
-    full = MessageSet([replace(message, period=1.1e-3) for message in davis_messages()])
-    over = response_times(full, 125_000).table()
-    assert over["response_ms"].tolist()[1:] == [math.inf, math.inf]
-
-
-def test_results_can_be_read_by_name_and_name_the_critical_message():
-    found = response_times(davis_messages(), 125e3)
-    assert found["C"] == found[-1]
+    assert found["C"] == found[-1] and (found.bit_rate, table.index.name) == (125_000, "name")
     assert (found.met, found.late, found.critical) == (False, ["C"], "C")
     assert repr(found) == "ResponseTimes(3 messages at 125 kbit/s, 1 late, critical: C)"
-    fast = repr(response_times(davis_messages(), 500e3))
-    assert fast.startswith("ResponseTimes(3 messages at 500 kbit/s, all")
+    expected = {
+        "frame_ms": [1.0, 1.0, 1.0],
+        "blocking_ms": [1.0, 1.0, 0.0],
+        "response_ms": [2.0, 3.0, 3.5],
+        "slack_ms": [0.5, 0.25, -0.25],
+        "busy_period_ms": [2.0, 5.0, 7.0],
+        "met": [True, True, False],
+        "instances": [1, 2, 2],
+    }
+    assert {name: table[name].tolist() for name in expected} == expected
+    assert table["load_percent"].sum() == pytest.approx(100 * (1 / 2.5 + 2 / 3.5), rel=1e-9)
+    nothing = response_times(MessageSet([]), 125_000).table()
+    assert (len(nothing), [*nothing], nothing["met"].dtype) == (0, [*table], bool)
     with pytest.raises(ArgumentError, match="name is 'D'; the messages are A, B, C"):
         found["D"]
-    assert found.table()["load_percent"].sum() == pytest.approx(100 * (1 / 2.5 + 2 / 3.5), rel=1e-9)
-
-
-# The figure.
 
 
 def test_a_response_without_bound_and_a_set_without_messages_are_drawn():
-    ax, overloaded = Figure().subplots(), message_set([100, 100], [150, 180])
-    response_times(overloaded, FAST).plot(ax)
+    ax = response_times(message_set([100, 100], [150, 180]), FAST).plot(Figure().subplots())
     assert [text.get_text() for text in ax.texts] == ["no bound"]
-    ax.figure.draw_without_rendering()
-    empty = response_times(MessageSet([]), 125_000).plot(Figure().subplots())
-    empty.figure.draw_without_rendering()
+    response_times(MessageSet([]), 125_000).plot(Figure().subplots())
 
 
-@pytest.mark.parametrize("saved", [False, True])
-def test_a_figure_of_many_messages_is_tall_enough_for_their_names(monkeypatch, saved):
-    answer = response_times(
-        MessageSet([Message(f"MSG_{k}", k, 8, 0.01 + 0.005 * k) for k in range(60)]), 250e3
-    )
-    if saved:
-        drawn = []
-        monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
-        style.save(answer.plot, "all.png")
-        (figure,) = drawn
-    else:
-        figure = answer.plot().figure
+def test_a_figure_of_many_messages_is_tall_enough_for_their_names():
+    messages = MessageSet(Message(f"MSG_{k}", k, 8, 0.01 + 0.005 * k) for k in range(60))
+    figure = response_times(messages, 250e3).plot().figure
     figure.draw_without_rendering()
     boxes = [label.get_window_extent() for label in figure.axes[0].get_yticklabels()]
     assert not any(one.overlaps(other) for one, other in pairwise(boxes))
     plt.close("all")
-    assert response_times(MessageSet([]), 125_000).plot().figure.get_figheight() < 5
-    plt.close("all")
-
-
-def test_utilisation_is_the_load_and_a_period_and_a_response():
-    messages = MessageSet([Message("A", 1, 8, 0.01), Message("B", 2, 0, 0.004)])
-    found = response_times(messages, 125e3)
-    # With the most stuff bits, 135 and 55 bits of 8 us.
-    load = 135 * 8e-6 / 0.01 + 55 * 8e-6 / 0.004
-    assert found.utilisation() == pytest.approx((load, load, 0.01 + found["A"].response))
-    nothing = response_times(MessageSet([]), 125e3).utilisation()
-    assert nothing[:2] == (0, 0) and math.isnan(nothing.worst_response)

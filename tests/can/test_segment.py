@@ -72,6 +72,7 @@ def test_the_step_divides_the_delay_and_resolves_the_edge(monkeypatch):
     ("bus", "change", "message"),
     [
         ({"length": 0}, {}, "length is 0"),
+        ({"terminator": 0}, {}, "terminator is 0"),
         ({"nodes": 1}, {}, "nodes is 1; it must be a whole number 2..200"),
         ({"stubs": {10: 1.0}}, {}, "node of a stub is 10"),
         ({"stubs": {1: 0}}, {}, "length of the stub at node 1 is 0"),
@@ -93,12 +94,3 @@ def test_the_table_has_a_row_per_node():
     assert table["read"].eq("00000000").all()
     assert table["wrong"].eq(4).all()
     assert (table["most_recessive_V"] > 0.9).all()
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("terminator", 0), ("terminator", float("nan")), ("terminator", -5)],
-)
-def test_loads_out_of_range_are_refused_at_once(name, value):
-    with pytest.raises(ArgumentError, match=name):
-        Segment(40, **{name: value})

@@ -3,9 +3,8 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.figure import Figure
 
-from shipnet.can import Message, MessageSet, simulate, simulate_batch
+from shipnet.can import Message, MessageSet, response_times, simulate, simulate_batch
 from shipnet.can.faults import BitErrors, ErrorAt
 from shipnet.errors import ArgumentError
 
@@ -134,83 +133,51 @@ def test_a_batch_equals_the_single_runs_to_the_nanosecond(messages, seed):
     assert np.allclose(table["max_ms"].fillna(-np.inf), longest, rtol=1e-12)
 
 
-def longest_response(messages, rank):
-    """Return the bound of Davis et al. 2007, eq. 4 to 11, in bits; None if it has none."""
-    rows = messages.sort_values("arbitration_id").reset_index(drop=True)
-    c = rows["bits"].tolist()
-    t, j = (((rows[k] / BIT_MS).round().astype(int)).tolist() for k in ("period_ms", "jitter_ms"))
-    block = max(c[rank + 1 :], default=0)
-    if sum(c[k] / t[k] for k in range(rank + 1)) >= 1:
-        return None
-
-    def settle(first, step):
-        value = first
-        while (new := step(value)) != value:
-            value = new
-        return value
-
-    def demand(w, k):
-        return -(-(w + j[k]) // t[k]) * c[k]
-
-    busy = settle(c[rank], lambda b: block + sum(demand(b, k) for k in range(rank + 1)))
-    worst = 0
-    for q in range(-(-(busy + j[rank]) // t[rank])):
-        own = block + q * c[rank]
-        w = settle(own, lambda w, own=own: own + sum(demand(w + 1, k) for k in range(rank)))
-        worst = max(worst, j[rank] + w - q * t[rank] + c[rank])
-    return worst
+def bounds(messages):
+    """Return the bounds of the analysis [bit], by message."""
+    found = response_times(as_set(messages), RATE)
+    return {one.message.name: round(one.response * RATE, 6) for one in found}
 
 
 @settings(max_examples=50)
 @given(message_sets(jitter=True), st.integers(0, 2**32 - 1))
 def test_no_response_exceeds_the_bound_of_the_analysis(messages, seed):
-    run = run_of(messages, 0.1, rng=seed)
-    bounds = [longest_response(messages, rank) for rank in range(len(messages))]
-    for seen, bound in zip(run.table()["max_ms"], bounds, strict=True):
-        assert bound is None or np.isnan(seen) or round(seen / BIT_MS, 6) <= bound
+    longest = run_of(messages, 0.1, rng=seed).table()["max_ms"].dropna() / BIT_MS
+    bound = bounds(messages)
+    assert all(round(bits, 6) <= bound[name] for name, bits in longest.items())
 
 
 def test_the_bound_is_attained_at_the_critical_instant():
-    periods = np.array([312, 437, 437]) * BIT_MS
-    messages = pd.DataFrame(table(period_ms=periods, jitter_ms=0.0))
-    bounds = [longest_response(messages, rank) for rank in range(3)]
+    messages = pd.DataFrame(table(period_ms=np.array([312, 437, 437]) * BIT_MS, jitter_ms=0.0))
+    bound = [*bounds(messages).values()]
     together = run_of(messages, 0.1).table()["max_ms"].to_numpy() / BIT_MS
-    assert round(together[2], 6) == bounds[2] == 438
+    assert round(together[2], 6) == bound[2] == 438
     # For the other two, the frame of lowest priority begins one bit before they are released.
     offset = np.array([1, 1, 0]) * BIT_MS
     blocked = run_of(messages.assign(offset_ms=offset), 0.1).table()["max_ms"].to_numpy() / BIT_MS
-    assert blocked[:2].round(6).tolist() == [bounds[0] - 1, bounds[1] - 1] == [249, 374]
+    assert blocked[:2].round(6).tolist() == [bound[0] - 1, bound[1] - 1] == [249, 374]
 
 
-def test_frames_released_at_one_instant_are_sorted_before_any_is_sent():
-    frames = run_of(table(arbitration_id=[3, 2, 1], period_ms=10), 0.01).events()
-    assert frames.sort_values("start_ms")["message"].tolist() == ["0x001", "0x002", "0x003"]
-
-
-def test_a_frame_that_failed_is_sent_again_after_the_error_frame():
+@pytest.mark.parametrize(
+    ("instant", "bit", "end"),
+    [
+        # Bit 25 is disturbed; 26 bits and an error frame of 23 are lost.
+        (25 * BIT_MS, 25, 149 * BIT_MS),
+        (96.5 * BIT_MS, 96, 220 * BIT_MS),  # the last bit before the intermission
+        (97.5 * BIT_MS, None, 0.8),
+        (98 * BIT_MS, None, 0.8),
+        (5.0, None, 0.8),
+    ],
+)
+def test_a_frame_that_failed_is_sent_again_after_the_error_frame(instant, bit, end):
     messages = {"arbitration_id": [5], "bits": 100, "period_ms": 100, "sender": "a"}
-    run = run_of(messages, 0.1, ErrorAt(0.2e-3))
-    # Bit 25 is disturbed; 26 bits and an error frame of 23 are lost.
-    assert run.errors()["bit"].tolist() == [25]
-    assert run.errors()["free_ms"].tolist() == [0.392]
-    assert run.events()["end_ms"].tolist() == [1.192]
-    assert run.events()["retries"].tolist() == [1]
-    assert run.table()["retries"].tolist() == [1]
-    assert run.load == pytest.approx((49 + 100) / 12500)
-
-
-@pytest.mark.parametrize("instant", [98 * BIT_MS, 5.0, 97.5 * BIT_MS])
-def test_an_error_between_frames_does_no_harm(instant):
-    messages = {"arbitration_id": [5], "bits": 100, "period_ms": 100}
     run = run_of(messages, 0.1, ErrorAt(instant / 1e3))
-    assert run.errors().empty
-    assert run.events()["end_ms"].tolist() == [0.8]
-
-
-def test_the_last_bit_of_a_frame_can_still_fail():
-    messages = {"arbitration_id": [5], "bits": 100, "period_ms": 100}
-    run = run_of(messages, 0.1, ErrorAt(96.5 * BIT_MS / 1e3))
-    assert run.errors()["bit"].tolist() == [96]
+    failed = bit is not None
+    assert run.errors()["bit"].tolist() == [bit] * failed
+    assert run.errors()["free_ms"].tolist() == pytest.approx([(bit or 0) * BIT_MS + 0.192] * failed)
+    assert run.events()["end_ms"].tolist() == pytest.approx([end])
+    assert run.events()["retries"].tolist() == run.table()["retries"].tolist() == [failed]
+    assert run.load == pytest.approx(end / BIT_MS / 12500)
 
 
 def every_attempt(count):
@@ -265,30 +232,21 @@ def test_a_node_at_256_leaves_the_bus_and_returns_after_128_quiet_sequences():
 
 def test_frames_of_others_count_towards_the_return_of_a_node():
     messages = {"arbitration_id": [1, 2], "bits": 111, "period_ms": [1000, 0.888], "offset_ms": 0}
+
+    def first_start(run):
+        return run.events().loc[run.events()["message"] == "0x001", "start_ms"].iloc[0]
+
     # b sends whenever a pauses, so the instants of errors are taken from the run itself.
-    instants, attempts = list(every_attempt(1)), 1
-    while attempts < 32:
-        run = run_of(messages, 0.2, hits(instants))
-        again = run.events().loc[run.events()["message"] == "0x001", "start_ms"]
-        instants.append((again.iloc[0] + 0.5 * BIT_MS) / 1e3)
-        attempts += 1
+    instants = list(every_attempt(1))
+    for _ in range(31):
+        again = first_start(run_of(messages, 0.2, hits(instants)))
+        instants.append((again + 0.5 * BIT_MS) / 1e3)
     run = run_of(messages, 0.4, hits(instants))
     assert run.nodes()["bus_off"].tolist() == [1, 0]
     gone = run.errors()["free_ms"].iloc[-1]
-    back = run.events().loc[run.events()["message"] == "0x001", "start_ms"].iloc[0]
     # The bus is never idle: each frame of b ends in one sequence of 11 recessive bits.
-    assert back == pytest.approx(gone + 128 * 111 * BIT_MS)
-
-
-def test_a_node_that_returns_after_a_destroyed_frame_has_not_counted_its_error():
-    messages = {"arbitration_id": [1, 2], "bits": 111, "period_ms": [1000, 0.888], "offset_ms": 0}
-    # The first bit of each attempt of a is disturbed, and of the frame of b after which a returns.
-    instants = every_attempt(1)
-    for _ in range(31):
-        run = run_of(messages, 0.2, hits(instants))
-        again = run.events().loc[run.events()["message"] == "0x001", "start_ms"]
-        instants = np.append(instants, (again.iloc[0] + 0.5 * BIT_MS) / 1e3)
-    gone = run_of(messages, 0.2, hits(instants)).errors()["free_ms"].iloc[-1]
+    assert first_start(run) == pytest.approx(gone + 128 * 111 * BIT_MS)
+    # A node that returns after a destroyed frame has not counted its error.
     last = gone + 127 * 111 * BIT_MS
     errors = hits([*instants, (last + 0.5 * BIT_MS) / 1e3])
     run = run_of(messages, (last + BIT_MS) / 1e3, errors)
@@ -418,59 +376,6 @@ def test_a_run_without_releases_is_an_empty_table():
     ).all()
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"until": 0}, "until is 0 s; it must be 1e-09"),
-        ({"bit_rate": 2e6}, r"bit_rate is 2e\+06 bit/s"),
-        ({"bit_rate": 83e3}, r"a bit lasts 12048\.2 ns; it must last a whole"),
-        ({"messages": MessageSet([])}, "messages are empty; there must be at least one"),
-        (
-            {"messages": as_set(table(period_ms=1e-3)), "until": 10.0},
-            "at most 20000000 are allowed",
-        ),
-    ],
-)
-def test_an_argument_out_of_range_is_refused(change, message):
-    arguments = {"messages": as_set(table()), "bit_rate": RATE, "until": 0.1} | change
-    with pytest.raises(ArgumentError, match=message):
-        simulate(**arguments)
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: BitErrors(1), "rate is 1; it must be 0..0.5"),
-        (lambda: BitErrors(0.1, start=2.0, stop=1.0), "stop is 1 s; it must be after start"),
-        (lambda: ErrorAt(-1.0), "time is -1 s"),
-    ],
-)
-def test_a_fault_out_of_range_is_refused(make, message):
-    with pytest.raises(ArgumentError, match=message):
-        make()
-
-
-@pytest.mark.parametrize(
-    ("offsets", "message"),
-    [
-        ([0, 0, 0], r"offsets have the shape \(3,\)"),
-        ([[0, 0]], r"offsets have the shape \(1, 2\)"),
-        ([[0, 0, -1]], "offsets contain a time outside"),
-        ([[0, 0, np.nan]], "offsets contain a time outside"),
-        ([["a", "b", "c"]], "offsets have the shape"),
-    ],
-)
-def test_offsets_that_do_not_fit_are_refused(offsets, message):
-    with pytest.raises(ArgumentError, match=message):
-        simulate_batch(as_set(table()), RATE, offsets=offsets, until=0.1)
-
-
-def test_a_figure_of_no_time_is_refused():
-    run = run_of(table(), 0.02)
-    with pytest.raises(ArgumentError, match=r"start is 1 s; it must be before stop, 0\.5 s"):
-        run.plot(1, 0.5, Figure().subplots())
-
-
 def test_the_counters_equal_those_counted_attempt_by_attempt():
     run = run_of(table(period_ms=[2.9, 5, 5], sender=["a", "b", "a"]), 20.0, BitErrors(3e-4), rng=9)
     good, bad = run.events().dropna(), run.errors()
@@ -493,3 +398,34 @@ def test_the_counters_equal_those_counted_attempt_by_attempt():
     assert max(seen) < 128
     assert bad["tec"].tolist() == seen
     assert run.nodes()[["tec", "rec"]].to_numpy().T.tolist() == [[*tec.values()], [*rec.values()]]
+
+
+def batch(offsets):
+    return simulate_batch(as_set(table()), RATE, offsets=offsets, until=0.1)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: run_of(table(), 0), "until is 0 s; it must be 1e-09"),
+        (lambda: simulate(as_set(table()), 2e6, until=1.0), r"bit_rate is 2e\+06 bit/s"),
+        (lambda: simulate(as_set(table()), 83e3, until=1.0), r"a bit lasts 12048\.2 ns; it must"),
+        (lambda: simulate(MessageSet([]), RATE, until=1.0), "messages are empty; there must be at"),
+        (lambda: run_of(table(period_ms=1e-3), 10.0), "at most 20000000 are allowed"),
+        (
+            lambda: run_of(table(), 0.02).plot(1, 0.5),
+            r"start is 1 s; it must be before stop, 0\.5 s",
+        ),
+        (lambda: BitErrors(1), "rate is 1; it must be 0..0.5"),
+        (lambda: BitErrors(0.1, start=2.0, stop=1.0), "stop is 1 s; it must be after start"),
+        (lambda: ErrorAt(-1.0), "time is -1 s"),
+        (lambda: batch([0, 0, 0]), r"offsets have the shape \(3,\)"),
+        (lambda: batch([[0, 0]]), r"offsets have the shape \(1, 2\)"),
+        (lambda: batch([[0, 0, -1]]), "offsets contain a time outside"),
+        (lambda: batch([[0, 0, np.nan]]), "offsets contain a time outside"),
+        (lambda: batch([["a", "b", "c"]]), "offsets have the shape"),
+    ],
+)
+def test_an_argument_out_of_range_is_refused(call, message):
+    with pytest.raises(ArgumentError, match=message):
+        call()

@@ -6,7 +6,6 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from itertools import product
-from threading import Thread
 from threading import enumerate as enumerate_threads
 
 import nbformat
@@ -36,7 +35,6 @@ from tests.exercises import independent
 SOURCES = editions.sources()
 NAMES = ("Kim", "Jeong", "a student")
 LESSONS = pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
-HANGUL = re.compile(r"[\u1100-\u11ff\u3130-\u318f\uac00-\ud7a3]")
 
 
 @cache
@@ -48,22 +46,6 @@ def keys(source):
     """Return the exercises of a lesson in the order of their cells."""
     cells = [cell for cell in lesson(source).cells if "exercise" in editions.tags(cell)]
     return [key for cell in cells for key in editions.keys(cell)]
-
-
-def verdicts(source, solve, name):
-    """Execute the cells of the exercises as a kernel would; return key -> verdict."""
-    stubs = {editions.solved(c.source): editions.stub(c.source) for c in lesson(source).cells}
-    found, names = {}, {}
-    for cell in editions.solutions_edition(lesson(source)).cells:
-        if cell.cell_type != "code":
-            continue
-        if "check" in editions.tags(cell):
-            verdict = eval(cell.source, names)
-            found[verdict.key] = verdict
-            continue
-        text = cell.source if solve else stubs.get(cell.source, cell.source)
-        exec(re.sub(r'student\(".*?"\)', f"student({name!r})", text), names)
-    return found
 
 
 @LESSONS
@@ -83,10 +65,6 @@ def test_the_stored_solutions_are_correct_and_the_stubs_are_not_solved(source):
                 assert cell.outputs[0].data["text/plain"].endswith(said), f"{path}: {cell.source}"
 
 
-def test_every_numbered_lesson_has_a_source():
-    assert editions.orphans(editions.ROOT) == []
-
-
 @LESSONS
 def test_tags_agree(source):
     number = source.name[:2]
@@ -103,17 +81,13 @@ def test_tags_agree(source):
 @LESSONS
 @pytest.mark.parametrize("name", NAMES)
 def test_every_solution_is_accepted(source, name):
-    results = verdicts(source, True, name)
-    assert list(results) == keys(source)
-    assert [str(verdict) for verdict in results.values()] == [f"{key}: correct" for key in results]
-
-
-@LESSONS
-def test_every_stub_says_that_nothing_is_solved(source):
-    results = verdicts(source, False, "Kim")
-    assert [str(verdict) for verdict in results.values()] == [
-        f"{key}: not solved yet" for key in keys(source)
-    ]
+    verdicts, names = [], {}
+    for cell in editions.solutions_edition(lesson(source)).cells:
+        if "check" in editions.tags(cell):
+            verdicts.append(str(eval(cell.source, names)))
+        elif cell.cell_type == "code":
+            exec(re.sub(r'student\(".*?"\)', f"student({name!r})", cell.source), names)
+    assert verdicts == [f"{key}: correct" for key in keys(source)]
 
 
 EXERCISES = [key for source in SOURCES for key in keys(source)]
@@ -180,14 +154,6 @@ def test_each_mistake_is_refused_and_named_unless_another_one_gives_the_same(key
     assert key == "ex-05-4" or min(named.values()) > n_draws / 4, named.most_common()[-1]
 
 
-@pytest.mark.parametrize("key", EXERCISES)
-def test_hints_are_short_sentences(key):
-    one = exercise(key)
-    for hint in one.solve(**draws(one)[0])[1]:
-        assert 10 < len(hint) < 90 and len(hint.split()) <= 18
-        assert not hint.endswith(".") and "so many" not in hint and "behind" not in hint
-
-
 #: The answer is a function, the same for everybody; an AS-i answer has four bits, of which four
 #: rows are the same backwards.
 FEW = {"ex-03-1": 12}
@@ -203,18 +169,10 @@ def test_a_class_gets_twenty_different_sets_of_numbers(key):
         assert len(every) >= FEW.get(key, 20)
 
 
-def wrong_answers():
-    return [
-        pytest.param(key, wrong, id=f"{key} {what}")
-        for key, ways in independent.WRONG.items()
-        for what, wrong in ways
-    ]
-
-
-@pytest.mark.parametrize(("key", "wrong"), wrong_answers())
-def test_a_typical_wrong_answer_is_refused_and_leads_on(key, wrong):
+@pytest.mark.parametrize("key", EXERCISES)
+def test_a_typical_wrong_answer_is_refused_and_leads_on(key):
     one = exercise(key)
-    for numbers in draws(one, 8):
+    for numbers, wrong in product(draws(one, 8), independent.WRONG[key].values()):
         right, mistakes, begin = hints(one, numbers)
         answer = wrong(numbers, right.value)
         fault = one.fault(answer, Drawn(numbers))
@@ -234,11 +192,6 @@ def test_a_right_answer_is_right_in_any_notation(key):
             assert one.fault(answer, Drawn(numbers)) is None
 
 
-def test_every_exercise_has_six_typical_wrong_answers():
-    assert list(independent.WRONG) == EXERCISES
-    assert {len(ways) for ways in independent.WRONG.values()} == {6}
-
-
 def test_a_quantity_guessed_by_chance_hardly_ever_gets_a_diagnosis():
     rng, diagnosed = np.random.default_rng(1), []
     for one in map(exercise, EXERCISES):
@@ -249,13 +202,6 @@ def test_a_quantity_guessed_by_chance_hardly_ever_gets_a_diagnosis():
                 diagnosed += [one.fault(guess, Drawn(numbers)) in mistakes for guess in guesses]
     # Each of up to nine mistakes covers 1 % of a number.
     assert len(diagnosed) > 1000 and np.mean(diagnosed) <= 0.05
-
-
-def test_an_answer_that_two_mistakes_give_gets_no_diagnosis():
-    numbers = {"registers": 8, "rate": 9600}  # 8N1, or without the CRC: both are 20 ms or nearly
-    one = exercise("ex-06-2")
-    fault = one.fault(10e3 * 21 / 9600, Drawn(numbers))
-    assert fault == f"not right yet. {hints(one, numbers)[2]}"
 
 
 #: What may be tried one after the other until the check says yes.
@@ -292,31 +238,12 @@ class Hostile:
 
 
 @pytest.mark.parametrize("key", EXERCISES)
-@pytest.mark.parametrize(
-    "answer",
-    [
-        True,
-        "",
-        "x",
-        -1,
-        float("nan"),
-        [],
-        {},
-        len,
-        str,
-        object(),
-        1j,
-        np.zeros(3),
-        b"\xff",
-        Hostile(),
-        lambda *_: Hostile(),
-        [Hostile()],
-    ],
-)
-def test_whatever_is_answered_a_sentence_comes_back(key, answer):
-    verdict = check(key, answer, student("Kim"))
-    assert not verdict
-    assert verdict.text and "\n" not in verdict.text
+def test_whatever_is_answered_a_sentence_comes_back(key):
+    objects = [object(), Hostile(), [Hostile()], lambda *_: Hostile(), len, str]
+    for answer in [True, "", "x", -1, float("nan"), 1j, b"\xff", [], {}, np.zeros(3), *objects]:
+        verdict = check(key, answer, student("Kim"))
+        assert not verdict
+        assert verdict.text and "\n" not in verdict.text
 
 
 # The lessons' words
@@ -332,11 +259,6 @@ def test_the_words_of_a_lesson_are_bold_in_it_and_listed(source):
         assert any(part in bold for part in plain.split(", ")), f"{term} is not bold in the lesson"
     code = [cell.source for cell in lesson(source).cells if cell.cell_type == "code"]
     assert f"glossary({number})" in code
-
-
-@LESSONS
-def test_korean_comes_from_the_glossary_only(source):
-    assert not HANGUL.search(source.read_text("utf-8"))
 
 
 def test_the_glossary_is_in_order():
@@ -369,13 +291,9 @@ def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
         (Number(6.0, "us"), 6e-3, "1000 times too small: which unit"),
         (Number(6.0, "us"), "6 us", "without quotes"),
         (Number(6.2431, "us"), 6.2, "round only at the end"),
-        (Number(6.25, "us"), 6.2, "round only at the end"),
-        (Number(0.062831, "us", 1e-4), 0.0628, "round only at the end"),
         (Number(-62.431, "V"), -62, "round only at the end"),
         (Number(6.2831, "us"), 6.4, "not right yet"),
         (Number(0.0, "us"), 0.04, "not right yet"),
-        (Number(6.0, "us"), 9, "not right yet"),
-        (Number(6.0, "us"), -9, "not right yet"),
         (Number(6.0, "us"), 19, "far too large"),
         (Number(6.0, "us"), 1, "far too small"),
         (Number(0.3), 30, "percentage"),
@@ -383,23 +301,19 @@ def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
         (Number(-3.0, "V"), 3, "sign"),
         (Number(6.0, "us"), float("inf"), "inf is not one"),
         (Number(1.0, "us"), True, "of type bool"),
-        (Number(1.0, "us"), [1], "of type list"),
         (Number(1.0, "us"), np.zeros(2), "of type ndarray"),
         (Whole(31), 32, "not right yet"),
         (Whole(31), 31.4, "whole number"),
         (Bits("0011001"), 11001, "in quotes"),
         (Bits("0011001"), None.__class__, "of type type"),
         (Bits("0011001"), "001100", "these 6 bits are not right yet"),
-        (Bits("0011001"), "0", "this bit is not right yet"),
         (Bits("0011001"), "001x001", "'x' is not a bit"),
         (Bytes(b"\x01\x03"), "1 3", "two digits"),
         (Bytes(b"\x01\x03"), "01", "this byte is not right yet"),
         (Bytes(b"\x01\x03"), [1, 256], "from 0 to 255"),
         (Bytes(b"\x01\x03"), 1, "of type int"),
-        (Bytes(b"\x01\x03"), "01 04", "byte 2 is not right yet"),
         (Bytes(b"\x01\x03\x0a\x84"), "02 03 0a 85", "bytes 1, 4 are not right yet"),
         (Words("near", ("near", "far")), "far", "not right yet"),
-        (Words("near", ("near", "far")), 3, "not one of near, far"),
         (Words(("a", "b"), ("a", "b", "c")), ["b", "a"], "not right yet"),
         (Words(frozenset("ab"), ("a", "b", "c")), "a, c", "not right yet"),
         (Words(frozenset("ab"), ("a", "b", "c")), "abc", "not one of"),
@@ -420,29 +334,13 @@ def said_of(answer, given):
 @pytest.mark.parametrize(
     ("answer", "right"),
     [
-        (Number(6.0, "us"), np.float32(6.001)),
-        (Number(6.0, "us"), 6),
-        (Number(6.0, "us"), np.array(6.0)),
-        (Number(6.0, "us"), np.array([6.0])),
         (Number(6.0, "us"), Fraction(6)),
         (Number(0.0, "us"), 0.001),
-        (Whole(31), 31.0),
-        (Whole(31), np.int64(31)),
-        (Bits("0011001"), "001 1001"),
         (Bits("0011001"), "001_1001"),
-        (Bits("0011001"), ["0", "0", "1", "1", "0", "0", "1"]),
-        (Bits("0011001"), np.array([0, 0, 1, 1, 0, 0, 1])),
-        (Bytes(b"\x01\x03"), "0x01 0x03"),
         (Bytes(b"\x01\x03"), "0x01, 0x03"),
-        (Bytes(b"\x01\x03"), "0103"),
-        (Bytes(b"\x01\x03"), b"\x01\x03"),
-        (Bytes(b"\x01\x03"), bytearray(b"\x01\x03")),
-        (Bytes(b"\x01\x03"), [1, 3]),
         (Words("near", ("near", "far")), " Near"),
-        (Words(("A b", "c"), ("c", "A b")), ("a B", "C")),
-        (Words(frozenset("ab"), ("a", "b", "c")), {"b", "a"}),
         (Words(frozenset("ab"), ("a", "b", "c")), "A,B"),
-        (Words(frozenset("ab"), ("a", "b", "c")), ["B", "a", "A"]),
+        (Function(sum, [([1, 2, 3],)]), lambda row: sum(row.pop() for _ in range(len(row)))),
     ],
 )
 def test_a_right_answer_in_another_form_is_right(answer, right):
@@ -463,14 +361,11 @@ def test_a_function_that_stops_is_reported_with_its_line():
     )
 
 
-def test_a_wrong_function_is_reported_with_input_and_result():
-    assert said_of(TWICE, lambda n: 2 if n == 1 else 9).startswith("<lambda>(5) returned 9: ")
-
-
 @pytest.mark.parametrize(
     ("wrong", "hint"),
     [
         (lambda n: None, "returned nothing"),
+        (lambda n: 2 if n == 1 else 9, "<lambda>(5) returned 9: "),
         (lambda: 1, "takes 0 positional arguments"),
         (3, "a function is expected"),
         (lambda n: "2", "without quotes"),
@@ -478,11 +373,6 @@ def test_a_wrong_function_is_reported_with_input_and_result():
 )
 def test_a_function_of_another_form_gets_a_hint(wrong, hint):
     assert hint in said_of(TWICE, wrong)
-
-
-def test_a_function_may_change_what_it_is_given():
-    total = Function(sum, [([1, 2, 3],)])
-    assert said_of(total, lambda row: sum(row.pop() for _ in range(len(row)))) is None
 
 
 @pytest.mark.parametrize("stub", [lambda n: ..., pytest.param(None, id="raises")])
@@ -514,23 +404,6 @@ def test_a_function_without_an_end_is_stopped(monkeypatch):
     assert len(rounds) == done
 
 
-def test_a_function_is_stopped_in_any_thread(monkeypatch):
-    monkeypatch.setattr(answers, "LIMIT", 0.2)
-
-    def endless(bits):
-        while True:
-            try:
-                bits += "0"[:0]
-            except Exception:
-                pass
-
-    reports = []
-    thread = Thread(target=lambda: reports.append(check("ex-05-2", endless)))
-    thread.start()
-    thread.join(60)
-    assert "did not end within" in reports[0].text
-
-
 TABLE = Table([{"n": 1, "cycle": 0.5}, {"n": 31, "cycle": 5.0}], {"cycle": "ms"})
 
 
@@ -551,18 +424,14 @@ def test_a_table_is_compared_row_by_row():
 @pytest.mark.parametrize(
     ("given", "hint"),
     [
-        (5, "of type int"),
         ({"n": 1, "cycle": 0.5}, "that is a single row"),
-        ([], "2 rows are expected, got 0"),
-        ([(1, 0.5), (31, 5.0)], "row 1 is of type tuple"),
         ([{"n": 1, "cycle": 0.5}, [31, 5.0]], "row 2 is of type list"),
         ("1 0.5", "of type str"),
     ],
 )
 def test_a_table_of_another_form_gets_an_example_of_a_row(given, hint):
     message = said_of(TABLE, given)
-    assert hint in message
-    assert not given or "such as {'n': ..., 'cycle': ...}" in message
+    assert hint in message and "such as {'n': ..., 'cycle': ...}" in message
 
 
 # Students and names
@@ -575,18 +444,14 @@ def test_numbers_are_the_same_everywhere_and_differ_between_students():
     assert len(picks) > 150
 
 
-@pytest.mark.parametrize("name", ["", "  "])
-def test_a_student_has_a_name(name):
-    with pytest.raises(ArgumentError, match="name is"):
-        student(name)
-
-
-@pytest.mark.parametrize("key", ["ex-01-9", "ex-99-1", "ex-1-1", "", None])
-def test_an_unknown_exercise_is_an_error(key):
-    with pytest.raises(ArgumentError, match=r"there is no such|key is None"):
-        check(key, 1)
-
-
-def test_own_numbers_need_a_name():
-    with pytest.raises(ArgumentError, match="me is missing"):
-        check("ex-01-1", "0")
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda key=key: check(key, 1), "there is no such")
+        for key in ("ex-01-9", "ex-99-1", "", None)
+    ]
+    + [(lambda: check("ex-01-1", "0"), "me is missing"), (lambda: student("  "), "name is")],
+)
+def test_an_unknown_exercise_or_student_is_an_error(call, message):
+    with pytest.raises(ArgumentError, match=message):
+        call()

@@ -3,7 +3,6 @@
 import csv
 import json
 import os
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -66,13 +65,11 @@ def test_each_notebook_is_judged_by_the_numbers_of_its_name(tmp_path):
 HOSTILE = {
     "endless loop": ("while True: pass", "stopped: it took over 2 s"),
     "crash": ("import os; os._exit(0)", "stopped: Python ended"),
-    "exit": ("exit()", "SystemExit"),
-    "system exit": ("raise SystemExit(3)", "SystemExit: 3"),
+    "exit": ("raise SystemExit(3)", "SystemExit: 3"),
     "input": ("input()", "EOFError"),
     "memory": ("rate_kbit = 'x' * (1 << 34)", "MemoryError"),
     "large answer": ("rate_kbit = '7' * (1 << 21)", "the answer is longer than 1 MB"),
     "large code": ("rate_kbit = " + "-" * 20_000 + "1", "Error"),
-    "long sum": ("rate_kbit = " + "1 + " * 1000 + "1", ""),
     "deep answer": ("rate_kbit = []\nfor _ in range(9999): rate_kbit = [rate_kbit]", "a number"),
     "hostile answer": ("class Bad:\n __class__ = 1 / 0\nrate_kbit = Bad()", "ZeroDivisionError"),
     "patched check": (
@@ -155,21 +152,18 @@ SIGNAL = "import os, signal, time\nos.kill(os.getppid(), signal.{})\ntime.sleep(
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs signals")
-@pytest.mark.parametrize("signal", ["SIGTERM", "SIGKILL"])
-def test_a_hand_in_that_ends_its_parent_affects_only_its_own_row(signal, tmp_path):
+@pytest.mark.parametrize("signal", ["SIGKILL", "SIGSTOP"])
+def test_a_hand_in_that_ends_or_stops_its_parent_affects_only_its_own_row(
+    signal, tmp_path, monkeypatch
+):
+    if signal == "SIGSTOP":
+        monkeypatch.setattr("shipnet.exercises.grading.WHOLE", 3.0)
     write(tmp_path / "a.ipynb", ME, SIGNAL.format(signal), *checks(4))
-    write(tmp_path / "b.ipynb", *solution(5, "Ben"))
+    write(tmp_path / "b.ipynb", ME, RIGHT, *checks(4))
     grades = grade(str(tmp_path))[0]
     flag = "not graded: its process ended or did not end in time"
     assert grades["flags"].tolist() == [flag, ""]
-    assert grades["points"].tolist() == [0, 4]
-
-
-@pytest.mark.skipif(os.name != "posix", reason="needs signals")
-def test_a_hand_in_that_stops_its_parent_does_not_stop_the_grading(tmp_path, monkeypatch):
-    monkeypatch.setattr("shipnet.exercises.grading.WHOLE", 3.0)
-    write(tmp_path / "a.ipynb", ME, SIGNAL.format("SIGSTOP"), *checks(4))
-    assert grade(str(tmp_path))[0]["points"].tolist() == [0]
+    assert grades["points"].tolist() == [0, 1]
 
 
 def test_text_that_is_not_unicode_is_written_and_printed(tmp_path, capsys):
@@ -186,6 +180,7 @@ def test_text_that_is_not_unicode_is_written_and_printed(tmp_path, capsys):
     assert [row["name"] for row in rows] == ["A\\ud800B", "", "Ann"]
     assert [row["points"] for row in rows] == ["1", "0", "1"]
     assert "A\\ud800B" in capsys.readouterr().out
+    assert "<td>NameError: name 'cycle_ms' is not defined</td>" in files[1].read_text()
 
 
 def test_only_regular_files_of_the_folder_are_read(tmp_path):
@@ -206,20 +201,6 @@ def test_only_regular_files_of_the_folder_are_read(tmp_path):
         **{f"{name}.ipynb": "not graded: not a regular file in this folder" for name in names},
     }
     assert grades.loc["honest.ipynb", "points"] == grades["points"].sum() == 4
-
-
-@pytest.mark.skipif(not hasattr(os, "fchdir"), reason="long paths")
-def test_deeply_nested_folders_do_not_stop_the_grading(tmp_path, monkeypatch):
-    write(tmp_path / "honest.ipynb", *solution(5, "Ben"))
-    monkeypatch.chdir(tmp_path)
-    for _ in range(1200):
-        Path("d").mkdir()
-        os.chdir("d")
-    try:
-        grades = grade(str(tmp_path))[0]
-    finally:  # pytest cannot delete them
-        subprocess.run(["rm", "-rf", "d"], check=True, cwd=tmp_path)
-    assert grades["points"].tolist() == [4]
 
 
 def test_a_flag_names_the_limit_that_a_notebook_exceeds(tmp_path):
@@ -272,21 +253,6 @@ def test_an_exercise_with_an_edited_check_is_graded_from_its_answer_and_flagged(
     assert grades.loc[0, "flags"] == "check of ex-04-3 edited"
 
 
-def test_a_lesson_without_any_check_is_graded(tmp_path):
-    write(tmp_path / "a.ipynb", *(c for c in solution(4, "Ann") if not c.startswith("check(")))
-    grades = grade(str(tmp_path))[0]
-    assert grades.loc[0, "points"] == 4
-    edited = "; ".join(f"check of ex-04-{k} edited" for k in range(1, 5))
-    assert grades.loc[0, "flags"] == edited
-
-
-def test_a_cell_with_an_answer_and_its_check_is_run(tmp_path):
-    write(
-        tmp_path / "a.ipynb", ME, "from shipnet.exercises import check", f"{RIGHT}\n{checks(4)[2]}"
-    )
-    assert of(tmp_path)["ex-04-3"] == "correct"
-
-
 def test_an_endless_function_is_stopped_and_one_without_a_body_is_not_solved(tmp_path, monkeypatch):
     monkeypatch.setattr("shipnet.exercises.grading.LIMIT", 2.0)
     endless = "def efficiency_of(*a):\n while True: pass"
@@ -322,18 +288,6 @@ def test_what_a_teacher_should_look_at_is_flagged(tmp_path):
     assert grades.loc["f.ipynb", "points"] == 1
     assert flags["g.ipynb"] == "not a readable notebook"
     assert flags["h.ipynb"] == "no exercise found"
-
-
-def test_the_command_writes_grades_and_what_is_not_correct(tmp_path, capsys):
-    write(tmp_path / "a.ipynb", ME, RIGHT, *checks(4))
-    files = [tmp_path / f"grades{suffix}" for suffix in (".csv", ".html")]
-    outputs = [word for file in files for word in ("-o", str(file))]
-    assert main(["grade", str(tmp_path), *outputs]) == 0
-    assert "1 notebook, 0 with a flag" in capsys.readouterr().out
-    titles, row = files[0].read_text(encoding="utf-8-sig").splitlines()
-    assert titles == "name,file,ex-04-1,ex-04-2,ex-04-3,ex-04-4,points,flags"
-    assert row == "Ann,a.ipynb,0,0,1,0,1,"
-    assert "<td>NameError: name 'cycle_ms' is not defined</td>" in files[1].read_text()
 
 
 @pytest.mark.parametrize("make", [False, True])

@@ -16,18 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shipnet import (
-    asi,
-    ballast,
-    can,
-    crc,
-    datasets,
-    design,
-    engine,
-    line,
-    modbus,
-    remote_control,
-)
+from shipnet import asi, ballast, can, crc, datasets, design, engine, line, modbus, remote_control
 from shipnet.errors import ArgumentError, FrameError, InputError
 from shipnet.modbus.slave import answer as answer_of
 
@@ -116,19 +105,22 @@ def _strokes(path: Path) -> None:
     np.savez(path, **{key: x if key == "channels" else x[:2] for key, x in held.items()})
 
 
-def _session() -> bytes:
+def _sigrok(levels: bytes, metadata: str, **others: bytes) -> bytes:
     """Return a session of sigrok with one logic channel."""
     made = io.BytesIO()
     with zipfile.ZipFile(made, "w") as file:
-        file.writestr("version", "2")
-        file.writestr(
-            "metadata",
-            "[device 1]\ncapturefile=logic-1\ntotal probes=1\nsamplerate=1 MHz\n"
-            "total analog=1\nprobe1=D0\nanalog2=A0\nunitsize=1\n",
-        )
-        file.writestr("logic-1-1", bytes(range(256)))
-        file.writestr("analog-1-2-1", np.sin(np.arange(400) / 3).astype("f4").tobytes())
+        file.writestr("metadata", f"[device 1]\ncapturefile=logic-1\n{metadata}\n")
+        file.writestr("logic-1-1", levels)
+        for name, content in others.items():
+            file.writestr(name, content)
     return made.getvalue()
+
+
+def _session() -> bytes:
+    """Return a session of sigrok with a logic channel and an analogue one."""
+    metadata = "total probes=1\nsamplerate=1 MHz\ntotal analog=1\nprobe1=D0\nanalog2=A0\nunitsize=1"
+    analogue = np.sin(np.arange(400) / 3).astype("f4").tobytes()
+    return _sigrok(bytes(range(256)), metadata, version=b"2", **{"analog-1-2-1": analogue})
 
 
 def _levels_of_a_bus() -> np.ndarray:
@@ -139,24 +131,14 @@ def _levels_of_a_bus() -> np.ndarray:
 
 def _bus() -> bytes:
     """Return a session of sigrok that recorded a CAN bus."""
-    made = io.BytesIO()
-    with zipfile.ZipFile(made, "w") as file:
-        file.writestr("metadata", "[device 1]\ncapturefile=logic-1\nsamplerate=1 MHz\nprobe1=RX\n")
-        file.writestr("logic-1-1", _levels_of_a_bus().tobytes())
-    return made.getvalue()
+    return _sigrok(_levels_of_a_bus().tobytes(), "samplerate=1 MHz\nprobe1=RX")
 
 
 def _serial() -> bytes:
     """Return a session of sigrok that recorded a serial line."""
     waveform = modbus.SerialLine(9600, "8N1").waveform(b"Hello, ship.", gap=0.002)
     at = np.searchsorted(waveform.time, np.arange(0, waveform.time[-1], 1e-5), side="right") - 1
-    made = io.BytesIO()
-    with zipfile.ZipFile(made, "w") as file:
-        file.writestr(
-            "metadata", "[device 1]\ncapturefile=logic-1\nsamplerate=100 kHz\nprobe1=TX\n"
-        )
-        file.writestr("logic-1-1", waveform.level[at].astype("u1").tobytes())
-    return made.getvalue()
+    return _sigrok(waveform.level[at].astype("u1").tobytes(), "samplerate=100 kHz\nprobe1=TX")
 
 
 def _bus_changes() -> bytes:
@@ -324,10 +306,7 @@ TARGETS: dict[str, Target] = {
         _file(".csv", engine.read_points),
         _saved(".csv", lambda path: engine.read_points().table().to_csv(path)),
     ),
-    "I/O list.csv": Target(
-        _file(".csv", design.read_iolist),
-        _data("synthetic_iolist_valves.csv"),
-    ),
+    "I/O list.csv": Target(_file(".csv", design.read_iolist), _data("synthetic_iolist_valves.csv")),
     "I/O list.xlsx": Target(_file(".xlsx", design.read_iolist), lambda: [_workbook()]),
     "sheet of a workbook": Target(
         lambda data: _file(".xlsx", design.read_iolist)(_sheet(data)), _sheet_xml

@@ -75,18 +75,6 @@ def test_rows_give_the_same_as_single_messages(check):
     ]
 
 
-def test_leading_zeros_do_not_count_for_can():
-    assert CAN.of(b"\0\0\x57") == CAN.of("1010111")
-    assert MODBUS.of(b"\0\x57") != MODBUS.of(b"\x57")
-
-
-@pytest.mark.parametrize(("check", "first"), [(CAN, 0), (MODBUS, 0xFFFF)])
-def test_an_empty_message_gives_the_initial_register(check, first):
-    assert check.of(b"") == check.of("") == first
-    assert check.of(np.empty((2, 0), np.uint8)).tolist() == [first] * 2
-    assert check.of(np.empty((0, 5), np.uint8)).shape == (0,)
-
-
 @pytest.mark.parametrize(
     ("data", "error", "message"),
     [
@@ -122,11 +110,3 @@ def test_a_crc_detects_any_one_or_two_wrong_bits(check, flips):
         received = (int.from_bytes(data, "big") ^ (pattern & 0xFFFF)).to_bytes(2, "big")
         missed += check.of(received) == good ^ (pattern >> 16)
     assert missed == check.undetected(2, flips)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"), [((17,), "payload is 17"), ((6, 3), "flips is 3")]
-)
-def test_errors_that_cannot_be_tried_are_refused(arguments, message):
-    with pytest.raises(ArgumentError, match=message):
-        MODBUS.undetected(*arguments)

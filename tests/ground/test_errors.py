@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from shipnet.design import read_iolist
 from shipnet.errors import ArgumentError, InputError, SymbolError, name_of
 
 
@@ -31,12 +30,3 @@ def test_no_message_is_longer_than_ten_faults_of_300_characters():
     assert str(ArgumentError(short)) == short
     assert str(ArgumentError("a" * 300)) == "a" * 300
     assert str(SymbolError()) == ""
-
-
-@pytest.mark.parametrize("suffix", [".csv", ".tsv", ".txt"])
-def test_a_reader_does_not_repeat_a_long_cell(tmp_path, suffix):
-    path = tmp_path / f"list{suffix}"
-    path.write_text(f"tag,signal,x_m,y_m,z_m\nT1,{'Z' * 70_000},1,2,3\n")
-    with pytest.raises(InputError) as refused:
-        read_iolist(path)
-    assert all(len(line) <= 300 for line in refused.value.lines(10))

@@ -1,14 +1,12 @@
 """Declared numbers: their checks, error texts and documentation."""
 
 import ast
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from shipnet.clock import NEVER, Fault, as_faults, nanoseconds
+from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
     check_fields,
@@ -56,13 +54,10 @@ class Line:
         ({"length": -1}, "length is -1 m; it must be 0..500 m"),
         ({"length": "x"}, "length is 'x'; it must be 0..500 m"),
         ({"length": True}, "length is True; it must be 0..500 m"),
-        ({"length": float("nan")}, "length is nan m; it must be 0..500 m"),
         ({"length": 10**400}, r"length is 10+ \.\.\. 0+; it must be 0..500 m"),
-        ({"slaves": 0}, "slaves is 0; it must be a whole number 1..62"),
         ({"slaves": 2.5}, "slaves is 2.5; it must be a whole number 1..62"),
         ({"slaves": 3, "far": 4}, "far is 4; it must be a whole number 1..3, because slaves is 3"),
         ({"kind": "ring"}, "kind is 'ring'; it must be one of 'line', 'star'"),
-        ({"kind": ["line"]}, r"kind is \['line'\]; it must be one of"),
         ({"closed": 1}, "closed is 1; it must be True or False"),
         ({"name": 5}, "name is 5; it must be text"),
         ({"name": "abcdef"}, "name has 6 characters; the limit is 5"),
@@ -81,54 +76,13 @@ def test_a_record_stores_python_numbers():
     assert line.limit is None
 
 
-def test_a_required_field_must_be_given():
-    with pytest.raises(TypeError, match="length"):
-        Line()
-
-
-def test_a_derived_record_checks_all_its_fields():
-    @record
-    class Long(Line):
-        """A long line."""
-
-        extra: float = number(0, 1, default=0.0)
-
-    with pytest.raises(ArgumentError, match="length"):
-        Long(-1.0)
-    with pytest.raises(ArgumentError, match="extra"):
-        Long(1.0, extra=2)
-    with pytest.raises(ArgumentError, match="star"):
-        Long(1.0, kind="star", closed=True)
-
-
 def test_the_docstring_lists_the_declared_fields():
     assert "length : float\n    Length of the cable, 0..500 [m]." in Line.__doc__
     assert "slaves : int, default 31\n    Number of slaves, 1..62." in Line.__doc__
     places = [Line.__doc__.index(title) for title in ("Parameters", "Raises", "Examples")]
     assert places == sorted(places)
-    assert list(declared(Line)) == [
-        "length",
-        "slaves",
-        "far",
-        "kind",
-        "closed",
-        "name",
-        "limit",
-        "noise",
-    ]
-
-
-def test_a_record_works_without_docstrings():
-    program = (
-        "from shipnet.fields import number, record\n"
-        "@record\n"
-        "class A:\n"
-        "    'An example.'\n"
-        "    x: float = number(0, 1)\n"
-        "print(A(1).x)"
-    )
-    out = subprocess.check_output([sys.executable, "-OO", "-c", program], text=True)
-    assert out == "1.0\n"
+    names = "length slaves far kind closed name limit noise".split()
+    assert list(declared(Line)) == names
 
 
 def test_checks_of_arguments_name_value_and_range():
@@ -157,11 +111,6 @@ def test_a_fault_must_end_after_it_begins(times):
         Fault(**dict(zip(("start", "stop"), times, strict=False)))
 
 
-def test_a_fault_spans_whole_nanoseconds():
-    assert Fault(start=1.5).span == (1_500_000_000, NEVER)
-    assert nanoseconds(1e-9) == 1
-
-
 def test_one_fault_or_several_of_the_right_kind():
     class Other(Fault):
         """Another kind."""
@@ -181,9 +130,8 @@ def test_every_record_checks_its_fields():
                 for member in node.body:
                     if isinstance(member, ast.FunctionDef) and member.name == "__post_init__":
                         names = {_name(one) for one in ast.walk(member)}
-                        assert names & {"check_fields", "__post_init__"}, (
-                            f"{file.name}: {node.name}"
-                        )
+                        checks = {"check_fields", "__post_init__"}
+                        assert names & checks, f"{file.name}: {node.name}"
 
 
 def _name(node):

@@ -1,20 +1,16 @@
 """Excel workbooks: what their cells become, and malformed files."""
 
 import tracemalloc
-import warnings
 import zipfile
-from datetime import date, datetime, time, timedelta
 from io import BytesIO
 
-import openpyxl
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from openpyxl.chart import BarChart, Reference
 
 from shipnet import tables
 from shipnet.errors import InputError
-from shipnet.tables import ERRORS, _opened, read_sheet
+from shipnet.tables import _opened
 
 MAIN = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
 OFFICE = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
@@ -90,90 +86,6 @@ def one(cell, **more):
     return text, odd.get(0, "")
 
 
-def saved(*sheets):
-    """Return a workbook with these values as openpyxl writes it."""
-    book = openpyxl.Workbook()
-    book.remove(book.active)
-    for number, values in enumerate(sheets, start=1):
-        sheet = book.create_sheet(f"S{number}")
-        for row in values:
-            sheet.append(row)
-    stream = BytesIO()
-    book.save(stream)
-    book.close()
-    return stream.getvalue()
-
-
-def by_openpyxl(data):
-    """Return text and oddity of every cell with content, as openpyxl reads it."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        book = openpyxl.load_workbook(BytesIO(data), data_only=True)
-    found = {}
-    for cells in book.worksheets[0].iter_rows():
-        for cell in cells:
-            value = cell.value
-            text, odd = str(value), ""
-            if isinstance(value, bool):
-                odd = TRUTH
-            elif isinstance(value, str):
-                text, odd = value.strip(), ERROR if value.strip() in ERRORS else ""
-            elif isinstance(value, date | time | timedelta):
-                odd = DATE
-            elif isinstance(value, float) and value.is_integer():
-                text = str(int(value))
-            if value is not None and text:
-                found[cell.row, cell.column - 1] = (text, odd)
-    book.close()
-    return found
-
-
-def by_shipnet(data):
-    return {
-        (number, place): (text, odd.get(place, ""))
-        for number, cells, odd in read(data)
-        for place, text in enumerate(cells)
-        if text
-    }
-
-
-values = st.one_of(
-    st.none(),
-    st.booleans(),
-    st.integers(-(10**15), 10**15),
-    st.floats(allow_nan=False, allow_infinity=False).map(lambda x: float(f"{x:.15g}")),
-    st.text(
-        st.characters(exclude_categories=["Cs", "Cc"], exclude_characters="\ufffe\uffff"),
-        max_size=8,
-    ).filter(lambda text: not text.startswith("=") and "_x" not in text),
-    st.datetimes(datetime(1900, 3, 1), datetime(2100, 1, 1)).map(
-        lambda moment: moment.replace(microsecond=0)
-    ),
-    st.sampled_from(
-        [
-            *ERRORS,
-            "a\nb",
-            " pad ",
-            "'=A1",
-            time(12, 30),
-            date(2026, 1, 2),
-            timedelta(hours=30),
-            timedelta(0),
-            1e300,
-            5e-324,
-            -0.0,
-        ]
-    ),
-)
-
-
-@given(st.lists(st.lists(values, max_size=5), max_size=5))
-@example([[None, 1], [], [], [True, "#N/A", 7.0, 0.1 + 0.2, datetime(1905, 7, 2)]])
-def test_every_cell_is_what_openpyxl_reads(table):
-    data = saved(table)
-    assert by_shipnet(data) == by_openpyxl(data)
-
-
 def test_rows_keep_the_numbers_that_excel_shows():
     row = "<row r='{0}'><c r='B{0}'><v>{0}</v></c></row>".format
     assert rows(row(3) + "<row r='5'/>" + row(9)) == [(3, ["", "3"], {}), (9, ["", "9"], {})]
@@ -182,42 +94,6 @@ def test_rows_keep_the_numbers_that_excel_shows():
         (1, ["1", "", "3"], {}),
         (2, ["4"], {}),
     ]
-
-
-def test_the_size_that_a_sheet_states_does_not_matter():
-    content = parts("<row r='7'><c r='C7'><v>1</v></c></row>")
-    for size in ("A1", "A1:XFD1048576"):
-        said = {name: part.replace('ref="A1"', f'ref="{size}"') for name, part in content.items()}
-        assert read(packed(said)) == [(7, ["", "", "1"], {})]
-
-
-def test_merged_cells_have_content_only_once():
-    book = openpyxl.Workbook()
-    book.active.append(["wide", None, "c"])
-    book.active.merge_cells("A1:B3")
-    stream = BytesIO()
-    book.save(stream)
-    cells = {number: row for number, row, _ in read(stream.getvalue(), "Sheet")}
-    with _opened(stream.getvalue(), "workbook") as made:
-        assert made.layout("Sheet") == ([(1, 3, 0)], frozenset(), {})
-    assert cells[1] == ["wide", "", "c"]
-    assert not any(cells.get(2, [])) and not any(cells.get(3, []))
-
-
-def test_sheets_are_listed_in_order_with_hidden_ones_and_without_charts():
-    book = openpyxl.Workbook()
-    book.active.title = "First"
-    chart = BarChart()
-    chart.add_data(Reference(book.active, min_col=1, min_row=1, max_row=1))
-    book.create_chartsheet("Chart").add_chart(chart)
-    book.create_sheet("Hidden").sheet_state = "hidden"
-    book.create_sheet("\ubc38\ube0c & <pumps>", 0).append(["x"])
-    stream = BytesIO()
-    book.save(stream)
-    with _opened(stream.getvalue(), "workbook") as made:
-        assert made.sheets == ("\ubc38\ube0c & <pumps>", "First", "Hidden")
-        assert made.hidden == ("Hidden",)
-        assert [cells for _, cells, _ in made.rows(made.sheets[0])] == [["x"]]
 
 
 @pytest.mark.parametrize(
@@ -230,27 +106,11 @@ def test_sheets_are_listed_in_order_with_hidden_ones_and_without_charts():
         ("<c t='e'><v>#SPILL!</v></c>", "#SPILL!", ERROR),
         ("<c t='str'><f>TEXT(A2,0)</f><v>#REF!</v></c>", "#REF!", ERROR),
         ("<c><f>1/0</f></c>", "", ""),
-        ("<c t='str'><f>A2</f><v></v></c>", "", ""),
         ("<c t='d'><v>2026-01-02T03:04:05</v></c>", "2026-01-02 03:04:05", DATE),
     ],
 )
 def test_a_formula_is_the_value_that_was_saved_with_it(cell, text, odd):
     assert one(cell) == (text, odd)
-
-
-@pytest.mark.parametrize(
-    ("string", "text"),
-    [
-        ("<t xml:space='preserve'> LS </t>", "LS"),
-        ("<r><t>L</t></r> <r><rPr><b/></rPr><t>S</t></r>", "LS"),
-        ("<t>\u6771\u4eac</t><rPh sb='0' eb='2'><t>\u30c8\u30a6</t></rPh>", "\u6771\u4eac"),
-        ("<t><![CDATA[a<b]]>&amp;c</t>", "a<b&c"),
-        ("<t/>", ""),
-    ],
-)
-def test_a_text_is_what_excel_shows(string, text):
-    assert one("<c t='s'><v>0</v></c>", strings=f"<si>{string}</si>") == (text, "")
-    assert one(f"<c t='inlineStr'><v>7</v><is>{string}</is></c>") == (text, "")
 
 
 STYLES = (
@@ -263,19 +123,14 @@ STYLES = (
 @pytest.mark.parametrize(
     ("code", "number", "text", "odd"),
     [
-        ("mm\\/dd\\/yy", 164, "1905-07-02 00:00:00", DATE),
-        ("[$-412]yyyy\u5e74", 164, "1905-07-02 00:00:00", DATE),
         ("[h]:mm", 164, "2010 days, 0:00:00", DATE),
         ("", 14, "1905-07-02 00:00:00", DATE),
-        ("", 46, "2010 days, 0:00:00", DATE),
         ("", 57, "2010", DATE),  # a Korean date
         ("[Red]0.00", 164, "2010", ""),
         ("0 &quot;days&quot;", 164, "2010", WORDS),
         ("\\L\\S0", 164, "2010", WORDS),
         ("000000", 164, "002010", ""),
         ("000", 164, "2010", ""),
-        ("General", 164, "2010", ""),
-        ("", 2, "2010", ""),
     ],
 )
 def test_a_number_is_a_date_by_its_format(code, number, text, odd):
@@ -283,28 +138,12 @@ def test_a_number_is_a_date_by_its_format(code, number, text, odd):
     assert one("<c s='0'><v>2010</v></c>", styles=STYLES(code, number)) == ("2010", "")
 
 
-def test_days_count_from_the_first_day_of_the_workbook():
-    cell, styles = "<c s='1'><v>{}</v></c>".format, STYLES("", 14)
-    # Excel's own calendar has a 29 February 1900: 59 is the day before it, 61 the day after.
-    assert [one(cell(day), styles=styles)[0][:10] for day in (1, 59, 60, 61)] == [
-        "1900-01-01",
-        "1900-02-28",
-        "1900-02-28",
-        "1900-03-01",
-    ]
-    assert one(cell(0.75), styles=styles)[0] == "18:00:00"
-    late = "<workbookPr date1904='1'/>"
-    assert one(cell(1), styles=styles, settings=late)[0] == "1904-01-02 00:00:00"
-    # A day that no calendar has is an error, never a number.
-    assert one(cell(1e9), styles=styles) == ("#VALUE!", ERROR)
-
-
 def test_two_cells_far_apart_cost_little_memory(monkeypatch):
     far = "<row r='{0}'><c r='{1}{0}'><v>1</v></c></row>".format
     first, last = read(packed(parts(far(1, "A") + far(2**20, "XFD"))))
     assert (first[0], last[0], len(last[1])) == (1, 2**20, 2**14)
     data = packed(parts(far(1, "A") + far(2**17, "XFD")))
-    tracemalloc.start()  # it takes ten times as long
+    tracemalloc.start()
     try:
         read(data)
         _, most = tracemalloc.get_traced_memory()
@@ -346,45 +185,13 @@ def test_an_archive_with_false_sizes_unpacks_no_more_than_it_states(monkeypatch)
         read(data)
 
 
-def test_a_workbook_cut_anywhere_is_refused():
-    data = saved([["tag", "x"], ["LS-1", 5]])
-    for end in range(0, len(data), 97):
-        with pytest.raises(InputError, match="is not an Excel workbook"):
-            read(data[:end])
+PIECES = (
+    "<row>|</row>|<row r='2'>|<c>|</c>|<c r='B2' t='s'>|<c s='1'>|<c t='b'>|<c t='e'>|<v>|</v>|"
+    f"<is>|</is>|<t>|</t>|<rPh>|</rPh>|0|-1|x|1e999|nan|&amp;|&#0;|{5000 * '9'}"
+).split("|")
 
 
-pieces = st.sampled_from(
-    [
-        "<row>",
-        "</row>",
-        "<row r='2'>",
-        "<c>",
-        "</c>",
-        "<c r='B2' t='s'>",
-        "<c s='1'>",
-        "<v>",
-        "</v>",
-        "<c t='b'>",
-        "<c t='e'>",
-        "<is>",
-        "</is>",
-        "<t>",
-        "</t>",
-        "<rPh>",
-        "</rPh>",
-        "0",
-        "-1",
-        "x",
-        "1e999",
-        "nan",
-        "&amp;",
-        "&#0;",
-        "9" * 5000,
-    ]
-)
-
-
-@given(st.lists(pieces, max_size=12).map("".join) | st.binary(max_size=60).map(repr))
+@given(st.lists(st.sampled_from(PIECES), max_size=12).map("".join))
 @example("<row><c t='b'><v>x</v></c></row>")
 @example("<row><c><v>" + "9" * 5000 + "</v></c></row>")
 @settings(max_examples=150)
@@ -396,16 +203,3 @@ def test_any_sheet_gives_rows_or_an_input_error(sheet):
         return
     assert all(type(text) is str for _, cells, _ in dated for text in cells)
     assert [number for number, _, _ in dated] == sorted({number for number, _, _ in dated})
-
-
-@given(st.binary(max_size=300), st.integers(0, 10**6), st.integers(0, 40))
-@example(b"", 0, 0)
-def test_any_bytes_that_begin_as_a_workbook_are_refused_or_read(tmp_path_factory, new, place, gone):
-    path = tmp_path_factory.getbasetemp() / "any.xlsx"
-    whole = packed(parts("<row><c t='str'><v>tag</v></c></row>"), zipfile.ZIP_STORED)
-    place %= len(whole)
-    path.write_bytes(b"PK\x03\x04" + (whole[:place] + new + whole[place + gone :])[4:])
-    try:
-        assert read_sheet(path).titles
-    except InputError as error:
-        assert error.file == str(path) and "\n" not in str(error)

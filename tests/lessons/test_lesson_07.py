@@ -8,8 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.exercises.exercise import exercise
-from shipnet.remote_control import MarkerFormat
-from shipnet.remote_control.ring_buffer import Ring
 from tests.lessons.students import solved
 
 
@@ -50,18 +48,3 @@ def test_half_the_ring_would_lose_bytes(numbers):
     places = round(solved("ex-07-4", **numbers).value + came)
     assert places & (places - 1) == 0
     assert places / 2 < came <= places
-
-
-def test_the_torn_packet_of_the_lesson_is_taken_by_the_real_reader():
-    first, later = MarkerFormat().encode({3: 0x1234}), MarkerFormat().encode({9: 0x0201})
-    # As in the lesson: later bytes stand where the rest of the first packet stood.
-    ring, parser, found = Ring(6, "intended"), MarkerFormat().parser(), []
-    for byte in first[:3]:
-        ring.store(byte)
-        found += parser.feed(bytes([ring.extract().byte]))
-    for byte in first[3:] + later + later:
-        ring.store(byte)
-    while ring.seems_unread:
-        found += parser.feed(bytes([ring.extract().byte]))
-    assert ring.lost == 12
-    assert [dict(items) for items in found] == [{3: 0x0201}]

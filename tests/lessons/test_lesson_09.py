@@ -5,7 +5,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from shipnet.ballast.rule_table import rule_base
 from shipnet.exercises.exercise import exercise
 from tests.lessons.students import solved
 
@@ -73,8 +72,3 @@ def test_the_smallest_k_is_one_more_than_the_worst_window_contains():
                 worst = whole * burst + min(rest, burst)
                 assert (row["k"], row["delay"]) == (worst + 1, 100 * worst)
             assert all(a["delay"] < b["delay"] for a, b in pairwise(rows))
-
-
-def test_the_middle_of_the_ramp_of_o1_is_where_the_lesson_says():
-    hot = rule_base()["OT"]["hot"]
-    assert hot.membership([80, 85, 90]).tolist() == [0, 0.5, 1]

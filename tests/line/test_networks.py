@@ -96,16 +96,6 @@ def test_random_trees_and_rings_agree_with_the_dense_route_and_are_reciprocal(da
     assert (z[network.index(a)].real > 0).all(), "a passive network takes energy in"
 
 
-def test_a_matched_line_only_delays():
-    network = Net()
-    network.line("near", "far", 40, Cable.lossless(120, 5e-9))
-    network.terminator("far", 120)
-    s = laplace_grid(20e-6, 5e6)
-    near, far = network.transfer("near", s)
-    assert near == pytest.approx(np.full(s.size, 120), rel=1e-13)
-    assert far == pytest.approx(120 * np.exp(-s * 200e-9), rel=1e-12)
-
-
 def test_an_open_quarter_wave_is_a_short_and_a_half_wave_repeats_its_load():
     network = Net()
     network.line("near", "far", 100, Cable.lossless(100, 6.5e-9))
@@ -131,17 +121,6 @@ def test_a_lossy_line_follows_the_telegraph_equations():
     gamma, wave = np.sqrt(z * y), np.sqrt(z / y)
     expected = wave / np.tanh(gamma * 70), wave / np.sinh(gamma * 70)
     assert network.transfer("near", s) == pytest.approx(np.array(expected), rel=1e-12)
-
-
-def test_propagation_is_what_a_matched_line_does():
-    cable = Cable(r=0.03, l=0.65e-6, c=65e-12, g=1e-6, skin=30e3)
-    s = 2j * np.pi * np.array([50e3, 167e3, 480e3])
-    net = Net()
-    net.line("near", "far", 40, cable)
-    # More of the same cable, long enough that no echo returns.
-    net.line("far", "end", 1e5, cable)
-    z = net.transfer("near", s)
-    assert z[1] / z[0] == pytest.approx(np.exp(-40 * cable.propagation(s)), rel=1e-9)
 
 
 @pytest.mark.parametrize("length", [1e-6, 1.5, 9e5])
@@ -178,22 +157,6 @@ def ring(half=40.0, cable=CABLE):
     return network
 
 
-def test_a_ring_of_two_equal_halves_is_one_line_of_half_the_impedance():
-    s = laplace_grid(100e-6, 1e6)
-    closed = ring()
-    assert closed.ring == closed.runs[3]
-    single = Net()
-    single.line("p", "mid", 40, Cable(0.03, 0.325e-6, 130e-12))
-    single.line("mid", "q", 40, single.runs[0].cable)
-    for network in (closed, single):
-        network.load("p", **SUPPLY)
-        network.load("q", **DEVICE)
-    expected = single.transfer("p", s)
-    z = closed.transfer("p", s)
-    assert np.abs(z[[0, 1, 3, 2]] - expected[[0, 1, 1, 2]]).max() < 1e-12 * np.abs(z).max()
-    assert z[2] == pytest.approx(closed.transfer("q", s)[0], rel=1e-12)
-
-
 @pytest.mark.parametrize("waves", [1e-12, 0.25, 0.5, 1.0, 3.7])
 def test_it_does_not_matter_which_cable_closes_a_ring(waves):
     # One of the cables is `waves` wavelengths long; at half a wave, its matrix element B is 0.
@@ -209,16 +172,6 @@ def test_it_does_not_matter_which_cable_closes_a_ring(waves):
         z = network.transfer("up", s)
         found.append([z[network.index(node)] for node in "p up q down".split()])
     assert np.array(found) == pytest.approx(np.array(found[:1] * 4), rel=1e-11)
-
-
-def test_a_tree_can_be_folded_with_plain_numbers():
-    # Two lines of a quarter wave and 100 ohm at the root, each with 50 ohm at its end.
-    quarter = -1j, 0, 100, 0.01
-    assert Network.fold([-1, 0, 0], [None, quarter, quarter], [0, 1 / 50, 1 / 50]) == [
-        pytest.approx(100),
-        pytest.approx(-50j),
-        pytest.approx(-50j),
-    ]
 
 
 TREES = 7
@@ -289,22 +242,6 @@ def test_dc_agrees_with_the_nodal_equations(closed):
         assert [*point.values()] == pytest.approx(expected, rel=tolerance("line.dc"))
 
 
-def test_a_ring_drops_a_quarter_of_what_a_line_does():
-    n, length, current = 8, 100.0, 2.0
-    line, closed = Net(), Net()
-    for k in range(n):
-        for network in (line, closed):
-            network.line(f"n{k}", f"n{k + 1}", length / n, CABLE)
-    closed.line(f"n{n}", "back", 1e-6, CABLE)
-    closed.line("back", "n0", 1e-6, CABLE)
-    total = CABLE.resistance * length
-    end = line.operating_point("n0", 30, {f"n{n}": current})
-    assert end[f"n{n}"] == pytest.approx(30 - current * total)
-    middle = closed.operating_point("n0", 30, {f"n{n // 2}": current})
-    assert middle[f"n{n // 2}"] == pytest.approx(30 - current * total / 4)
-    assert set(closed.operating_point("n0", 30, {}).values()) == {30.0}
-
-
 @given(st.sampled_from([-30.0, 30.0]), st.floats(0, 60), st.booleans(), st.floats(1, 200))
 def test_currents_that_cannot_flow_have_no_operating_point(supply, draw, closed, metres):
     network = Net()
@@ -325,21 +262,10 @@ def test_currents_that_cannot_flow_have_no_operating_point(supply, draw, closed,
         assert math.isnan(point["supply"][0]) != possible
 
 
-def test_the_supply_may_be_negative():
-    network = Net()
-    network.line("supply", "far", 10, CABLE)
-    point = network.operating_point("supply", -30, {"far": [-2.0, 1.0]})
-    assert point["supply"] == pytest.approx([-30, -30])
-    assert point["far"] == pytest.approx(-30 + 10 * CABLE.resistance * np.array([2.0, -1.0]))
-
-
 def test_cables_are_equal_if_their_constants_are():
     assert CABLES["can"] == CABLES["rs-485"] != CABLES["as-i lossless"]
     assert len({Cable(0.06, 0.65e-6, 65e-12, r_dc=0.027), CABLE}) == 1
-    assert Cable(0.06, 0.65e-6, 65e-12) != CABLE
-    assert Cable(0, [1e-6, 2e-6], 1e-10) == Cable(0, [1e-6, 2e-6], 1e-10)
-    assert Cable(0, [1e-6, 2e-6], 1e-10) != Cable(0, [1e-6, 1e-6], 1e-10)
-    assert CABLE != 1
+    assert Cable(0.06, 0.65e-6, 65e-12) != CABLE != 1
 
 
 @pytest.mark.parametrize(
@@ -354,10 +280,6 @@ def test_cables_are_equal_if_their_constants_are():
         ((0.06, 0.65, 65), r"l is 0.65 H/m; it must be 1e-18\.\.0.001"),
         ((0.06, 0.65e-6, 65), "c is 65 F/m"),
         ((0, [1e-6, 1e-6], [1e-10] * 3), "values for 3 trees, others for 2"),
-        (("0.1", 1e-6, 1e-10), "r is '0.1'; it must be a number"),
-        ((True, 1e-6, 1e-10), "r is True"),
-        ((10**400, 1e-6, 1e-10), "r is 1000"),
-        (([], 1e-6, 1e-10), "r is"),
     ],
 )
 def test_bad_cables_are_refused(arguments, message):
@@ -368,15 +290,8 @@ def test_bad_cables_are_refused(arguments, message):
 @pytest.mark.parametrize(
     ("lay", "message"),
     [
-        (lambda n: n.line("a", "c", -1, CABLE), "length of cable a - c is -1 m"),
-        (
-            lambda n: n.line("a", "c", 0, CABLE),
-            r"length of cable a - c is 0 m; .* 1e-06\.\.1e\+06",
-        ),
-        (lambda n: n.line("a", "c", math.nan, CABLE), "length of cable a - c is nan m"),
-        (lambda n: n.line("a", "c", math.inf, CABLE), "length of cable a - c is inf m"),
+        (lambda n: n.line("a", "c", 0, CABLE), r"length of cable a - c is 0 m; .* 1e-06\.\.1e\+06"),
         (lambda n: n.line("a", "c", [1, math.nan], CABLE), "cable a - c is nan m in tree 1"),
-        (lambda n: n.line("a", "c", None, CABLE), "length of cable a - c is None"),
         (
             lambda n: n.line("a", "c", 5, "as-i"),
             "the type of cable a - c is 'as-i'; it must be a Cable or",
@@ -384,19 +299,13 @@ def test_bad_cables_are_refused(arguments, message):
         (lambda n: n.line("", "c", 5, CABLE), "a node is ''"),
         (lambda n: n.line("a", "a", 5, CABLE), "cable a - a ends where it begins"),
         (lambda n: n.line("b", "a", 5, CABLE), "cable b - a joins two nodes that another"),
-        (lambda n: n.load(None, r=5), "a node is None"),
         (lambda n: n.load("a"), "a load has neither r nor l nor c"),
         (lambda n: n.load("a", r=0), "r is 0 ohm"),
-        (lambda n: n.load("a", l=-1e-3), "l is -0.001 H"),
-        (lambda n: n.load("a", c=math.nan), "c is nan F"),
-        (lambda n: n.terminator("a", -120), "r is -120 ohm"),
         (lambda n: n.index("x"), "name is 'x'; the nodes are 'a', 'b'"),
         (lambda n: n.transfer("x", [1.0]), "root is 'x'; the nodes are"),
         (lambda n: n.transfer("a", [1.0, 0]), r"s is 0\+0j rad/s"),
         (lambda n: n.transfer("a", [1j, -1.0]), r"s is -1\+0j rad/s"),
-        (lambda n: n.transfer("a", [complex(math.nan, 1)]), r"s is nan\+1j rad/s"),
         (lambda n: n.transfer("a", []), r"s has shape \(0,\)"),
-        (lambda n: n.transfer("a", 1j), r"s has shape \(\)"),
         (lambda n: n.transfer("a", ["x"]), "s has shape"),
         (lambda n: n.operating_point("x", 30, {}), "supply is 'x'"),
         (lambda n: n.operating_point("a", 30, {"x": 1}), "one of currents is 'x'"),

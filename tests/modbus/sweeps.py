@@ -9,6 +9,12 @@ from shipnet.modbus.redundancy import line_faults
 from shipnet.modbus.simulation import Master, Run, simulate
 
 
+def answer_times(run):
+    """Return the end times of all responses, in order [s]."""
+    poll = run.system.poll
+    return run.events().query("answered")["start_s"].to_numpy() + poll.time - poll.line.t35
+
+
 def sweep(system, faults, instants=None):
     """Return the longest gaps, (n_instants, n_slaves), with permanent faults that begin together.
 
@@ -19,7 +25,7 @@ def sweep(system, faults, instants=None):
     if instants is None:
         begin, each = system.period, system.poll.time
         whole = simulate(system, until=begin + (system.n_slaves - 0.5) * each)
-        instants = whole.answer_times[-system.n_slaves :]
+        instants = answer_times(whole)[-system.n_slaves :]
     # The master gives up a lost slave one scan later than it moves a slave.
     settled = 4 * (system.period + 2 * system.n_slaves * system.poll.timeout_time)
     at = np.atleast_1d(np.asarray(instants, dtype=float))

@@ -6,8 +6,6 @@ import sys
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 
-import pytest
-
 from benchmarks.modbus_clients import run
 from tests.support import require
 
@@ -34,23 +32,8 @@ def test_each_row_counts_every_poll():
         assert sum(int(row[outcome]) for outcome in run.OUTCOMES) == int(row["polls"]) == run.POLLS
         assert float(row["timeout_s"]) == run.TIMEOUT
         assert row["verdict"] == run.verdict({one: int(row[one]) for one in run.OUTCOMES})
-
-
-def test_the_verdict_is_the_worst_outcome():
-    wrong, hang, error, right = "wrong value accepted", "hang", "error", "right value"
-    for outcomes, said in (
-        ({"right": 40}, right),
-        ({"right": 39, "error": 1}, error),
-        ({"error": 39, "hang": 1}, hang),
-        ({"right": 37, "error": 1, "hang": 1, "wrong": 1}, wrong),
-    ):
-        assert run.verdict(Counter(outcomes)) == said
-
-
-def test_no_client_is_disturbed_by_faults_that_it_cannot_notice():
-    # A delay or silence within the time-out must not disturb any client; else the bench is wrong.
-    seen = {row["verdict"] for row in STORED if row["fault"] in ("delay", "gap")}
-    assert seen == {"right value"}
+        # A delay or silence within the time-out must not disturb any client.
+        assert row["fault"] not in ("delay", "gap") or row["verdict"] == "right value"
 
 
 def test_two_clients_still_behave_as_in_the_table():
@@ -69,11 +52,6 @@ def test_two_clients_still_behave_as_in_the_table():
     assert new == old
 
 
-def outcomes(program, patience=60.0):
-    words = [sys.executable, "-c", program]
-    return +run._outcomes(words, {}, polls=3, patience=patience)
-
-
 def test_each_line_is_judged_by_itself():
     first, second, third = (" ".join(map(str, run.values(2 * k))) for k in range(3))
     for lines, expected in (
@@ -81,36 +59,5 @@ def test_each_line_is_judged_by_itself():
         ([f"ok {first}", f"ok {first}", "error timed out"], {"right": 1, "wrong": 1, "error": 1}),
         ([f"ok {first.split()[0]}", "ok", "error"], {"wrong": 2, "error": 1}),
     ):
-        assert outcomes(f"print({chr(10).join(lines)!r})") == Counter(expected)
-
-
-def test_a_client_that_says_nothing_hangs_and_one_that_ends_is_an_error():
-    assert outcomes("import time; print('error', flush=True); time.sleep(60)", 3.0) == Counter(
-        {"error": 1, "hang": 2}
-    )
-    with pytest.raises(OSError, match="ended after 1 polls"):
-        outcomes("print('error')")
-
-
-def test_missing_clients_are_named():
-    with pytest.raises(run.MissingError, match="no-such-program is not installed"):
-        run._run("no-such-program")
-    with pytest.raises(run.MissingError, match=r"failed: no such client$"):
-        run._run(sys.executable, "-c", "raise SystemExit('no such client')")
-
-
-def test_rows_of_missing_clients_are_kept(tmp_path, monkeypatch, capsys):
-    def lacking(uv):
-        raise run.MissingError("no-such-program is not installed")
-
-    table = tmp_path / "modbus_clients.csv"
-    table.write_bytes(run.TABLE.read_bytes())
-    monkeypatch.setattr(run, "OTHERS", dict.fromkeys([*run.OWN, *run.OTHERS], lacking))
-    for name, value in (("OWN", {}), ("TABLE", table), ("ROOT", tmp_path)):
-        monkeypatch.setattr(run, name, value)
-    before = table.read_bytes()
-    assert run.main() == 0
-    assert table.read_bytes() == before
-    said = capsys.readouterr().out
-    assert "skipped: mbpoll: no-such-program is not installed" in said
-    assert said.count("skipped: ") == 10 and "0 clients, 10 skipped" in said
+        words = [sys.executable, "-c", f"print({chr(10).join(lines)!r})"]
+        assert +run._outcomes(words, {}, polls=3, patience=60.0) == Counter(expected)

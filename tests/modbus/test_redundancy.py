@@ -14,7 +14,7 @@ from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.simulation import simulate
 from shipnet.modbus.uart import SerialLine
-from tests.modbus.sweeps import longest_recovery, pairs, sweep
+from tests.modbus.sweeps import answer_times, longest_recovery, pairs, sweep
 
 LINE = SerialLine(9600)
 STATUS, ONE = Request.read_input_registers(0, 4), Request.read_holding_registers(0, 1)
@@ -59,21 +59,6 @@ def test_reach_equals_a_walk_along_the_cable(n, isolators):
             assert [reach.through_a, reach.through_b] == joined_in_a_graph(system, case)
             union = {*reach.through_a, *reach.through_b, *reach.lost}
             assert union == set(range(1, n + 1))
-
-
-def test_one_break_loses_no_slave_and_two_lose_those_between():
-    system = loop(20)
-    for k in range(21):
-        reach = system.reach([Break(k)])
-        assert (reach.lost, len(reach.through_a), len(reach.through_b)) == ([], k, 20 - k)
-    assert system.reach([Break(3), Break(9)]).lost == [4, 5, 6, 7, 8, 9]
-    assert system.reach([Break(3), DeadPort("B")]).lost == list(range(4, 21))
-
-
-def test_a_short_loses_all_slaves_without_isolators_and_none_with_them():
-    assert loop(20).reach([Short(7)]).lost == list(range(1, 21))
-    assert loop(20).reach([Short(7), Break(5)]).served == ["A"] * 5 + ["-"] * 15
-    assert loop(20, isolators=True).reach([Short(7)]) == loop(20).reach([Break(7)])
 
 
 @pytest.mark.parametrize("isolators", [False, True])
@@ -130,7 +115,7 @@ def test_no_instant_of_a_fault_is_worse_than_the_closed_form(data):
 def test_the_bound_is_attained_on_the_largest_loop(move):
     system = loop(247, timeout=1.0, move=move)
     case = [Break(100)]
-    instant = simulate(system, until=2 * system.period - 0.01).answer_times[247 + 149]
+    instant = answer_times(simulate(system, until=2 * system.period - 0.01))[247 + 149]
     found = sweep(system, case, [instant])[0]
     assert found[149] == pytest.approx(system.worst_gap(case)[149], abs=1e-6)
     by_hand = 247 * system.poll.time + (147 if move == "slave" else 2) * system.poll.timeout_time
@@ -173,18 +158,14 @@ def test_a_try_is_answered_exactly_if_its_path_is_whole_throughout():
     system = loop(6, recheck=0.5)
     for row in simulate(system, faults=faults, until=25).events().itertuples():
         end = row.start_s + system.poll.time - LINE.t35
-        edges = [
-            row.start_s,
-            *(t for f in faults for t in (f.start, f.stop) if row.start_s < t < end),
-        ]
-        whole = all(
-            row.slave
-            in joined_in_a_graph(system, [f for f in faults if f.start <= t < f.stop])[
-                row.port == "B"
-            ]
-            for t in edges
-        )
-        assert row.answered == whole
+        changes = (t for f in faults for t in (f.start, f.stop) if row.start_s < t < end)
+        for t in (row.start_s, *changes):
+            now = [f for f in faults if f.start <= t < f.stop]
+            if row.slave not in joined_in_a_graph(system, now)[row.port == "B"]:
+                assert not row.answered
+                break
+        else:
+            assert row.answered
 
 
 @pytest.mark.parametrize("move", ["slave", "downstream"])
@@ -211,12 +192,14 @@ def test_lost_slaves_cost_one_try_on_each_port_per_recheck():
     assert (waits >= 5.0).all() and (waits <= 5.0 + system.period + 2 * 0.11).all()
 
 
-def test_a_broken_loop_serves_its_slaves_from_both_sides():
-    run = simulate(loop(6), faults=[Break(2, start=1.0)], until=10)
-    table = run.table()
-    assert table.port.tolist() == ["A"] * 2 + ["B"] * 4
-    assert table.answers.sum() == run.events().answered.sum()
-    assert table.longest_gap_s.tolist() == pytest.approx(run.gaps)
+def test_one_lost_response_switches_the_slave_and_no_time_has_no_polls():
+    run = simulate(loop(5), faults=[DeadSlave(3, start=0.56, stop=0.57)], until=10)
+    assert (~run.events().answered).sum() == 1
+    assert (run.events().kind == "switch").any()
+    assert run.table().answers.sum() == run.events().answered.sum()
+    none = simulate(loop(2), until=0)
+    assert len(none.events()) == 0 and none.table().port.tolist() == ["A", "A"]
+    assert none.gaps.tolist() == [0, 0]
 
 
 def test_a_loop_in_which_all_are_lost_waits_and_recovers():
@@ -227,17 +210,10 @@ def test_a_loop_in_which_all_are_lost_waits_and_recovers():
     assert events.answered[events.start_s > 20.5 + longest_recovery(system)].all()
 
 
-def test_one_lost_response_switches_the_slave_to_the_other_port():
-    run = simulate(loop(5), faults=[DeadSlave(3, start=0.56, stop=0.57)], until=10)
-    assert (~run.events().answered).sum() == 1
-    assert (run.events().kind == "switch").any()
-
-
 def test_lost_slaves_are_tried_in_turn():
     system = loop(6, recheck=1.0)
-    polls = simulate(
-        system, faults=[DeadSlave(2), DeadSlave(5), Break(5, start=4)], until=30
-    ).events()
+    faults = [DeadSlave(2), DeadSlave(5), Break(5, start=4)]
+    polls = simulate(system, faults=faults, until=30).events()
     probed = polls[(polls.kind == "probe") & (polls.port == "A") & (polls.start_s > 8)].slave
     assert len(probed) > 9
     assert {*pairwise(probed)} == {(2, 5), (5, 6), (6, 2)}
@@ -249,12 +225,6 @@ def test_gaps_and_ports_are_those_of_the_slaves_concerned():
     assert run.table().port.tolist() == ["-"] + ["A"] * 5
     ends = run.events().query("answered and slave == 1").start_s + system.poll.time - LINE.t35
     assert run.gaps[0] == pytest.approx(12 - ends.max()) and run.gaps[0] > 9
-
-
-def test_a_simulation_of_zero_duration_has_no_polls():
-    run = simulate(loop(2), until=0)
-    assert len(run.events()) == 0 and run.table().port.tolist() == ["A", "A"]
-    assert run.gaps.tolist() == [0, 0]
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ Each row of `constants.csv` is a constant of a model: its file, its text, anothe
 papers that rest on it. Every such paper must have a claim that comes to something else with the
 other value. The run fails if one has none. With words, only rows that hold one of them run.
 
-`--draw` draws constants at random from all that a call of a claim reaches, and doubles each; the
-seed is printed. At least seven eighths must move a claim; for the others `elsewhere.csv` must
-name a test that fails instead.
+`--draw` draws constants at random from all that a call of a claim reaches, and doubles or halves
+each; the seed is printed. At least seven eighths must move a claim; for the others `elsewhere.csv`
+must name a test that fails instead.
 """
 
 from __future__ import annotations
@@ -94,12 +94,11 @@ def constants() -> list[Constant]:
 
 def results(package: Path, papers: list[str]) -> dict[str, str]:
     """Return what the claims of some papers come to, by the package in this folder."""
-    said = subprocess.run(
-        [sys.executable, "-c", PROGRAM, *papers], check=True, capture_output=True, text=True,
-        cwd=package, env=os.environ | {"PYTHONPATH": str(package)},
-    )  # fmt: skip
-    found: dict[str, str] = json.loads(said.stdout)
-    return found
+    command = [sys.executable, "-c", PROGRAM, *papers]
+    environment = os.environ | {"PYTHONPATH": str(package)}
+    printed = subprocess.check_output(command, text=True, cwd=package, env=environment)
+    claims: dict[str, str] = json.loads(printed)
+    return claims
 
 
 def moved(chosen: list[Constant]) -> Iterator[tuple[Constant, str, list[str]]]:
@@ -131,12 +130,12 @@ class Literal(NamedTuple):
     start: int
     end: int
 
-    def doubled(self, text: str) -> str:
-        """Return the source with twice the number, or 1 for 0."""
+    def changed(self, text: str, factor: float) -> str:
+        """Return the source with a multiple of the number, or 1 for 0."""
         lines = text.splitlines(keepends=True)
         row = lines[self.line - 1].encode()
         number = ast.literal_eval(row[self.start : self.end].decode())
-        new = repr(2 * number or 1).encode()
+        new = repr(type(number)(factor * number) or 1).encode()
         lines[self.line - 1] = (row[: self.start] + new + row[self.end :]).decode()
         return "".join(lines)
 
@@ -205,7 +204,7 @@ def reached() -> dict[Literal, list[str]]:
 
 
 def draw(number: int, seed: int) -> int:
-    """Double this many constants, one at a time; return 1 if too few move a claim."""
+    """Double or halve this many constants, one at a time; return 1 if too few move a claim."""
     constants = reached()
     print(f"seed {seed}: {number} of {len(constants)} constants that a claim reaches", flush=True)
     with (Path(__file__).parent / "elsewhere.csv").open(newline="", encoding="utf-8") as file:
@@ -221,13 +220,18 @@ def draw(number: int, seed: int) -> int:
             claims = constants[constant]
             file = package / "shipnet" / constant.file
             text = file.read_text(encoding="utf-8")
-            file.write_text(constant.doubled(text), encoding="utf-8")
-            try:
-                found = results(package, claims)
-                seen = [claim for claim in claims if found[claim] != original[claim]]
-            except subprocess.CalledProcessError:
-                seen = ["the package cannot be imported"]
-            test = elsewhere.get((constant.file, constant.name), "")
+            seen: list[str] = []
+            for factor in (2, 0.5):
+                file.write_text(constant.changed(text, factor), encoding="utf-8")
+                try:
+                    found = results(package, claims)
+                    seen = seen or [claim for claim in claims if found[claim] != original[claim]]
+                except subprocess.CalledProcessError:
+                    seen = seen or ["the package cannot be imported"]
+                if seen:
+                    break
+            owner = f"{constant.owner}." if constant.owner else ""
+            test = elsewhere.get((constant.file, owner + constant.name), "")
             if not seen and test:
                 command = [sys.executable, "-m", "pytest", "-q", "-x", test]
                 run = subprocess.run(command, cwd=package, capture_output=True, check=False)
@@ -236,7 +240,6 @@ def draw(number: int, seed: int) -> int:
             moving += bool(seen)
             unexplained += not seen and not test
             result = f"{len(seen):3} claims, such as {seen[0]}" if seen else test or "NOT SEEN"
-            owner = f"{constant.owner}." if constant.owner else ""
             print(f"{constant.file:27} {owner + constant.name:32} {result}", flush=True)
     print(f"{moving} of {number} move a claim; {unexplained} are seen by nothing")
     return int(moving < number * 7 / 8 or unexplained > 0)

@@ -1,14 +1,16 @@
 import itertools
 import re
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
+from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, LengthError
 from shipnet.remote_control import CobsFormat, MarkerFormat, System, changed_items
 from shipnet.remote_control.packet import DATA_START, PACKET_END, PACKET_START, stuff, unstuff
+from shipnet.remote_control.packet_format import flipped
 from shipnet.remote_control.station import Sender
 
 CHECKS = ["any", "known", "rising"]
@@ -28,17 +30,6 @@ WORDS = st.one_of(
 ITEMS = st.dictionaries(st.integers(0, 9), WORDS)
 formats = pytest.mark.parametrize("form", FORMATS, ids=str)
 streams = pytest.mark.parametrize("form", [FORMATS[k] for k in (0, 3, 8, 11, 13)], ids=str)
-
-
-def sorted_items(items):
-    return tuple(sorted(items.items()))
-
-
-def flipped(rows, bits):
-    """Return the rows, each with the bits at these places inverted."""
-    spread = np.unpackbits(rows, axis=1)
-    np.put_along_axis(spread, bits, 1 - np.take_along_axis(spread, bits, 1), 1)
-    return np.packbits(spread, axis=1)
 
 
 @pytest.mark.parametrize(
@@ -62,23 +53,14 @@ def test_a_packet_has_the_stated_length(form, n_items, size):
 
 
 @streams
-@given(items=ITEMS)
-def test_packets_are_read_back_one_by_one_and_as_a_stream(form, items):
-    packet = form.encode(items)
-    parser = form.parser()
-    assert form.decode(packet) == sorted_items(items)
-    assert parser.feed(packet) == [sorted_items(items)]
-    assert parser.discarded == 0
-
-
-@streams
 @given(packets=st.lists(ITEMS, max_size=5), cuts=st.lists(st.integers(0, 250), max_size=6))
 def test_a_stream_may_be_fed_in_any_pieces(form, packets, cuts):
-    stream = b"".join(map(form.encode, packets))
-    parser, found = form.parser(), []
+    encoded = list(map(form.encode, packets))
+    parser, found, stream = form.parser(), [], b"".join(encoded)
     for start, stop in itertools.pairwise([0, *sorted(cuts), None]):
         found += parser.feed(stream[start:stop])
-    assert found == [sorted_items(items) for items in packets]
+    assert found == [tuple(sorted(items.items())) for items in packets]
+    assert list(map(form.decode, encoded)) == found
     assert parser.discarded == 0
 
 
@@ -98,6 +80,10 @@ def test_any_bytes_are_packets_discarded_or_still_open(form, noise):
         assert len(noise) - accounted < form.size(10)
     if form.numbers != "any":
         assert all(number < 10 for items in packets for number, _ in items)
+
+
+def accepts(form, packet, bits):
+    return form._read(flipped(packet, bits)) is not None
 
 
 ITEM = bytes([1, 2, 3])
@@ -148,23 +134,14 @@ def test_the_parser_recovers_after_any_noise(form, noise, items):
 
 @formats
 @given(items=ITEMS, data=st.data())
-def test_stream_and_batch_agree_with_decode_on_disturbed_packets(form, items, data):
+def test_the_stream_agrees_with_decode_on_disturbed_packets(form, items, data):
     packet = bytearray(form.encode(items))
     places = st.tuples(st.integers(0, len(packet) - 1), st.integers(0, 255))
     for place, byte in data.draw(st.lists(places, max_size=4)):
         packet[place] = byte
-    checked = form.decode_batch(np.frombuffer(packet, np.uint8)[None])
-    try:
-        decoded, code = form.decode(packet), 0
-    except FrameError as error:
-        decoded, code = None, error.code
     found = form.parser().feed(packet)
     whole = len(found) == 1 and form.size(len(found[0])) == len(packet)
-    assert whole == (decoded is not None)
-    assert checked.error.tolist() == [code]
-    if whole:
-        pairs = zip(checked.numbers[0].tolist(), checked.values[0].tolist(), strict=True)
-        assert found[0] == decoded == tuple(pairs)
+    assert [form._read(packet)] == (found if whole else [None])
 
 
 @pytest.mark.parametrize(
@@ -180,69 +157,47 @@ def test_stream_and_batch_agree_with_decode_on_disturbed_packets(form, items, da
 )
 def test_single_flips_that_pass_are_those_that_hit_no_marker(form, passed, bits):
     # Closed form: every bit of number, low and high byte passes if it is not checked.
-    n = form.n_numbers
-    row = form.encode_batch(range(n), np.random.default_rng(3).integers(0, 0x10000, (1, n)))
-    damaged = flipped(np.repeat(row, 8 * row.shape[1], 0), np.arange(8 * row.shape[1])[:, None])
-    assert len(damaged) == bits
-    assert form.decode_batch(damaged).accepted.sum() == passed
+    values = np.random.default_rng(3).integers(0, 0x10000, form.n_numbers).tolist()
+    packet = form.encode(dict(enumerate(values)))
+    assert 8 * len(packet) == bits
+    assert sum(accepts(form, packet, [bit]) for bit in range(bits)) == passed
 
 
-def test_the_crc_detects_any_two_flips_in_ten_values_and_the_markers_do_not():
-    pairs = np.array(list(itertools.combinations(range(33 * 8), 2)))
-    row = MarkerFormat().encode_batch(range(10), np.full((1, 10), 1000))
-    passed = (
-        MarkerFormat().decode_batch(flipped(np.repeat(row, len(pairs), 0), pairs)).accepted.mean()
-    )
-    # Both bits must be outside the markers; our numbers become 0xEE only by three or more flips.
-    assert passed == pytest.approx(240 * 239 / (264 * 263))
-    for form in (MarkerFormat(crc=True), CobsFormat()):
-        row = form.encode_batch(range(10), np.full((1, 10), 1000))
-        pairs = np.array(list(itertools.combinations(range(row.shape[1] * 8), 2)))
-        assert not form.decode_batch(flipped(np.repeat(row, len(pairs), 0), pairs)).accepted.any()
-
-
-def test_a_packet_cut_short_or_made_longer_is_refused():
-    for form in FORMATS:
-        packet = form.encode({0: 1, 5: 2})
-        for wrong in (b"", packet[:-1], packet + b"\0", packet * 40):
-            with pytest.raises((LengthError, FormError)):
-                form.decode(wrong)
-            rows = np.frombuffer(wrong, np.uint8)[None]
-            assert form.decode_batch(rows).error[0] in (LengthError.code, FormError.code)
+def test_the_crc_detects_any_two_flips_in_three_values_and_the_markers_do_not():
+    items = dict.fromkeys(range(3), 1000)
+    for form, bits, passed in (
+        # Both bits must be outside the markers; our numbers become 0xEE only by three or more.
+        (MarkerFormat(n_numbers=3), 96, 72 * 71 // 2),
+        (MarkerFormat(n_numbers=3, crc=True), 112, 0),
+        (CobsFormat(3), 104, 0),
+    ):
+        packet, pairs = form.encode(items), itertools.combinations(range(bits), 2)
+        assert 8 * len(packet) == bits
+        assert sum(accepts(form, packet, pair) for pair in pairs) == passed
 
 
 @pytest.mark.parametrize(
     ("form", "packet", "error"),
     [
+        (MarkerFormat(), "", LengthError),
         (MarkerFormat(), "cc dd 01 02", LengthError),
+        (MarkerFormat(n_numbers=1), "cc dd 00 02 03 00 02 03 ee", LengthError),
         (MarkerFormat(), "cc dc 01 02 03 ee", FormError),
         (MarkerFormat(), "cc dd ee 02 03 ee", FormError),
         (MarkerFormat("B"), "cc dd 01 02 03 ef", FormError),
         (MarkerFormat(crc=True), "cc dd ee 00 00", CrcError),
         (MarkerFormat(numbers="known"), "cc dd 0a 02 03 ee", FieldError),
         (MarkerFormat(numbers="rising"), "cc dd 01 02 03 01 02 03 ee", FieldError),
+        (CobsFormat(), "03 ff ff", LengthError),
         (CobsFormat(), "03 ff ff 01", FormError),
         (CobsFormat(), "02 ff ff 00", FormError),
         (CobsFormat(), "03 ff fe 00", CrcError),
     ],
 )
 def test_each_fault_has_its_class(form, packet, error):
-    with pytest.raises(error):
+    with pytest.raises(error) as caught:
         form.decode(bytes.fromhex(packet))
-    row = np.frombuffer(bytes.fromhex(packet), np.uint8)[None]
-    assert form.decode_batch(row).error.tolist() == [error.code]
-
-
-def row(data):
-    return np.frombuffer(data, np.uint8)[None]
-
-
-@given(data=st.binary(max_size=254))
-def test_stuffed_bytes_have_no_zero_and_are_unstuffed_again(data):
-    stuffed = stuff(row(data))
-    formed, plain = unstuff(stuffed)
-    assert formed.tolist() == [True] and plain.tobytes() == data
-    assert 0 not in stuffed and stuffed.shape == (1, len(data) + 1)
+    assert caught.type is error
 
 
 @pytest.mark.parametrize(
@@ -258,17 +213,16 @@ def test_stuffed_bytes_have_no_zero_and_are_unstuffed_again(data):
     ],
 )
 def test_stuffed_bytes_are_those_published(plain, stuffed):
-    assert stuff(row(bytes.fromhex(plain))).tobytes() == bytes.fromhex(stuffed)
+    assert stuff(bytes.fromhex(plain)) == bytes.fromhex(stuffed)
 
 
 @given(data=st.binary(min_size=1, max_size=255))
-def test_unstuffed_bytes_are_stuffed_to_the_same_bytes(data):
-    formed, plain = unstuff(row(data))
-    # A single row is unstuffed byte by byte, several rows together along their distances.
-    twice, both = unstuff(np.repeat(row(data), 2, axis=0))
-    assert twice.tolist() == 2 * formed.tolist()
-    if formed[0]:
-        assert stuff(plain).tobytes() == data and (both == plain).all()
+def test_bytes_are_unstuffed_after_stuffing_and_stuffed_to_the_same_bytes(data):
+    with suppress(FormError):
+        assert stuff(unstuff(data)) == data
+    stuffed = stuff(data[:254])
+    assert unstuff(stuffed) == data[:254]
+    assert 0 not in stuffed and len(stuffed) == len(data[:254]) + 1
 
 
 def test_random_bytes_equal_a_marker_as_often_as_in_the_closed_form():
@@ -315,13 +269,7 @@ def test_repeating_recovers_a_lost_packet_and_the_printed_rule_does_not(repeat, 
         (lambda: MarkerFormat().encode({0: -1}), "value of item 0 is -1"),
         (lambda: CobsFormat().encode({0: 0x10000}), "value of item 0 is 65536"),
         (lambda: MarkerFormat().encode([(0, 1)]), "items is"),
-        (lambda: stuff(row(bytes(255))), "length of data is 255"),
-        (lambda: MarkerFormat().encode_batch([0, 1], [[1, 2, 3]]), "shapes"),
-        (lambda: MarkerFormat().encode_batch([1, 0], [[1, 2]]), "ascending order"),
-        (lambda: MarkerFormat().encode_batch([0, 10], [[1, 2]]), r"numbers .* 0\.\.9"),
-        (lambda: MarkerFormat().encode_batch([0, 1], [[1, np.nan]]), "values must be"),
-        (lambda: MarkerFormat().encode_batch([0, 1], [[1, 2], [3]]), "equal length"),
-        (lambda: MarkerFormat().decode_batch([[1, 2]]), "uint8"),
+        (lambda: stuff(bytes(255)), "length of data is 255"),
         (lambda: changed_items([1, 2], [1]), "sending has 2 values, sended 1; they must be"),
         (lambda: System(repeat=11), "repeat is 11"),
         (lambda: MarkerFormat().parser().feed(204), "data is 204; it must be bytes"),
@@ -339,76 +287,40 @@ def test_arguments_out_of_range_are_named(make, message):
     assert re.search(message, str(error.value))
 
 
-@formats
-def test_empty_batches_and_packets_without_items_are_accepted(form):
-    assert form.decode_batch(np.zeros((0, form.size(10)), np.uint8)).values.shape == (0, 10)
-    rows = form.encode_batch([], np.zeros((3, 0), int))
-    assert [row.tobytes() for row in rows] == [form.encode({})] * 3
-    assert form.decode_batch(rows).error.tolist() == [0, 0, 0]
-
-
-def test_a_trace_names_each_byte_as_the_parser_reads_it():
-    stream = bytes.fromhex("41 cc dd 03 34 12 09 01 02 ee 03 ee cc dd ee")
-    steps = MarkerFormat().trace(stream, start=122)
-    words = ["number", "low byte", "high byte"]
-    packet = ["start of the packet", "start of the data"]
-    assert steps.taken_as.tolist() == [
-        "discarded",
-        *packet,
-        *words,
-        *words,
-        "end of the packet",
-        "discarded",
-        "discarded",
-        *packet,
-        "end of the packet",
-    ]
-    assert steps.place.tolist() == [(122 + k) % 128 for k in range(len(stream))]
-
-
-def test_a_trace_names_the_crc_and_the_markers_of_reading_b():
-    form = MarkerFormat("B", crc=True)
-    item = ["start of the data", "number", "low byte", "high byte"]
-    assert form.trace(form.encode({0: 1, 1: 2})).taken_as.tolist() == [
-        "start of the packet",
-        *item,
-        *item,
-        "end of the packet",
-        "CRC",
-        "CRC",
-    ]
-
-
-def test_the_trace_of_a_byte_stuffed_packet_names_its_zeros():
-    form = CobsFormat()
-    packet = form.encode({0: 120, 3: 0xCCDD})
-    assert form.trace(packet).taken_as.tolist() == [
-        "distance to the first 0: 1",
-        "number, a 0; distance to the next: 2",
-        "low byte",
-        "high byte, a 0; distance to the next: 6",
-        "number",
-        "low byte",
-        "high byte",
-        "CRC",
-        "CRC",
-        "end of the packet",
-    ]
-    broken = form.trace(b"\x07\0" + packet[:3])
-    assert broken.taken_as.tolist() == 2 * ["discarded"] + 3 * ["not complete"]
-
-
-@streams
-@given(items=ITEMS)
-def test_a_trace_has_a_row_per_byte_and_ends_where_the_packet_does(form, items):
-    packet = form.encode(items)
-    found = form.trace(packet, start=5)
-    assert len(found) == len(packet)
-    assert found.taken_as.iloc[-1] in ("end of the packet", "CRC")
-    assert (found.taken_as.str.startswith("number")).sum() == len(items)
-
-
 @streams
 def test_a_stream_repeats_one_packet_starting_at_any_byte(form):
     packet = form.encode({0: 1000, 1: 1000})
     assert form.stream(50, items=2) == (packet * 10)[:50]
+
+
+START, ITEM = "start of the packet/start of the data", "number/low byte/high byte"
+
+
+@pytest.mark.parametrize(
+    ("form", "stream", "meanings"),
+    [
+        (
+            MarkerFormat(),
+            "41 cc dd 03 34 12 09 01 02 ee 03 ee cc dd ee",
+            f"discarded/{START}/{ITEM}/{ITEM}/end of the packet/discarded/discarded/{START}/"
+            "end of the packet",
+        ),
+        (
+            MarkerFormat("B", crc=True),
+            MarkerFormat("B", crc=True).encode({0: 1}).hex() + "cc ee 00 00",
+            f"{START}/{ITEM}/end of the packet/CRC/CRC/start of the packet/end of the packet/CRC/"
+            "discarded",
+        ),
+        (
+            CobsFormat(),
+            "01 02 78 06 03 dd cc 09 14 00",
+            "distance to the first 0: 1/number, a 0; distance to the next: 2/low byte/"
+            f"high byte, a 0; distance to the next: 6/{ITEM}/CRC/CRC/end of the packet",
+        ),
+        (CobsFormat(), "07 00 01 02", "discarded/discarded/not complete/not complete"),
+    ],
+)
+def test_a_trace_names_each_byte_as_the_receiver_reads_it(form, stream, meanings):
+    steps = form.trace(bytes.fromhex(stream), start=122)
+    assert steps.taken_as.tolist() == meanings.split("/")
+    assert steps.place.tolist() == [(122 + k) % 128 for k in range(len(steps))]

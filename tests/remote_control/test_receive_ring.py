@@ -1,5 +1,4 @@
 import itertools
-import re
 
 import numpy as np
 import pandas as pd
@@ -19,21 +18,8 @@ SIZES = range(2, 9)
 
 def filled(size, rule, data):
     ring = Ring(size, rule)
-    for byte in data:
-        ring.store(byte)
+    ring.store_all(bytes(data))
     return ring
-
-
-def drain(ring):
-    """Extract until the reader rests; return the bytes."""
-    taken = []
-    for _ in range(4 * ring.size + 4):
-        step = ring.extract()
-        if step.action in ("wait", "stop"):
-            return bytes(taken)
-        if step.action == "take":
-            taken.append(step.byte)
-    raise AssertionError("the reader never rests")
 
 
 OPERATIONS = st.lists(
@@ -68,7 +54,7 @@ def test_place_and_flag_together_count_modulo_twice_the_size(rule, size, operati
 @given(size=st.integers(2, 9), operations=OPERATIONS)
 def test_lost_and_stale_bytes_equal_those_of_a_queue(rule, size, operations):
     # The test identifies every byte by its number, counted from the first; the ring cannot see it.
-    ring, count, taken, due_from = Ring(size, rule), 0, [], 0
+    ring, count, taken, stale, due_from = Ring(size, rule), 0, [], 0, 0
     for operation in operations:
         if operation is not None:
             ring.store(count % 251)
@@ -81,10 +67,11 @@ def test_lost_and_stale_bytes_equal_those_of_a_queue(rule, size, operations):
             due = bool(held) and held[0] >= due_from
             assert step.stale == (not due)
             taken += held if due else []
+            stale += step.stale
             due_from = held[0] + 1 if due else due_from
         elif step.action == "repair":
             due_from = max(due_from, count - ring.seems_unread)
-    assert taken == sorted(set(taken))
+    assert taken == sorted(set(taken)) and ring.stale == stale
     assert ring.written == count == len(taken) + ring.lost + ring.unread
 
 
@@ -123,28 +110,25 @@ def test_cases_are_those_of_the_data_file():
 def test_the_table_of_cases_agrees_with_rings(size):
     counted = {(lap, case): 0 for lap in range(3) for case in "abcd"}
     for lead, place in itertools.product(range(3 * size), range(size)):
-        ring = Ring(size, "corrected")
-        for _ in range(place):
-            ring.store(0)
-            ring.extract()
-        for _ in range(lead):
-            ring.store(0)
+        ring = Ring.filled(lead, place, size, "corrected")
         assert ring.unread == lead
         assert ring.seems_unread == lead % (2 * size)
         counted[lead // size, ring.case] += 1
     table = Ring(size).cases().table()
+    assert [*table] == ["from", "to", "a", "b", "c", "d"]
+    assert table["from"].tolist() == [0, size, 2 * size]
+    assert (table["to"] == table["from"] + size - 1).all()
     assert {(lap, case): table.loc[lap, case] for lap, case in counted} == counted
 
 
 @pytest.mark.parametrize("size", SIZES)
 def test_all_interleavings_of_a_small_ring_are_among_the_states_explored(size):
-    length = 11
     for rule in RULES:
         table = Ring(size, rule).explore(4 * size)
         columns = ["no", "ring_f", "get_no", "ring_get_f", "unread", "action", "lost", "stale"]
         explored = set(table[columns].itertuples(index=False, name=None))
         level, met = [Ring(size, rule)], set()
-        for _ in range(length):
+        for _ in range(11):
             following = []
             for ring in level:
                 after, stored = ring.copy(), ring.copy()
@@ -164,13 +148,9 @@ def test_by_the_intended_rule_a_ring_that_is_never_full_is_always_in_order(size)
     assert set(table.action) == {"take", "wait"}
     assert not table.stale.any() and not table.lost.any()
     assert ((table.action == "wait") == (table.unread == 0)).all()
-
-
-@pytest.mark.parametrize("size", SIZES)
-def test_by_the_printed_rule_even_one_byte_at_a_time_reaches_the_abnormal_cases(size):
-    table = Ring(size, "printed").explore(1)
-    assert {"a", "c"} <= set(table.case)
-    assert table.stale.any()
+    # By the printed rule, even one byte at a time reaches the abnormal cases.
+    printed = Ring(size, "printed").explore(1)
+    assert {"a", "c"} <= set(printed.case) and printed.stale.any()
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -203,15 +183,6 @@ def test_after_the_repair_every_ring_of_packets_is_in_order(form):
     assert max(given_up) == 64 + len(packet) - 1
 
 
-@given(cells=st.lists(st.integers(0, 0xCB), min_size=128, max_size=400))
-def test_a_repair_that_finds_no_packet_ends_with_an_empty_ring(cells):
-    ring = filled(128, "intended", cells)
-    if ring.case == "c":
-        ring.extract()
-        assert ring.unread == ring.seems_unread == 0
-        assert ring.extract().action == "wait"
-
-
 @pytest.mark.parametrize("form", [MarkerFormat("A"), MarkerFormat("B")], ids=str)
 def test_twenty_of_128_places_break_a_value_as_printed_and_none_with_wrapped_indices(form):
     items = dict.fromkeys(range(10), 4660)
@@ -229,57 +200,6 @@ def test_twenty_of_128_places_break_a_value_as_printed_and_none_with_wrapped_ind
     assert not corrected.wrong.any() and not corrected.outside.any()
 
 
-def test_a_ring_is_drawn_with_its_pointers_and_unread_cells(ax):
-    ring = filled(16, "intended", range(1, 21))
-    for _ in range(1 + 2):
-        ring.extract()
-    assert ring.plot(ax) is ax
-    shaded = [p.get_label() for p in ax.patches if p.get_facecolor()[:3] != (1, 1, 1)]
-    assert len(ax.patches) == 16
-    assert len(shaded) == ring.unread
-    texts = [text.get_text() for text in ax.texts]
-    assert {"no", "get_no"} <= set(texts)
-    assert f"case {ring.case}" in texts[-1] and f"{ring.unread} unread" in texts[-1]
-
-
-def test_the_map_of_cases_agrees_with_the_table(ax):
-    Ring(16).cases().plot(ax)
-    shown = np.asarray(ax.images[0].get_array())
-    table = Ring(16).cases().table()
-    for lap, (code, case) in itertools.product(range(3), enumerate("bdca")):
-        part = shown[:, 16 * lap : 16 * (lap + 1)]
-        assert (part == code).sum() == table.loc[lap, case]
-    assert ax.get_xlabel() == "unread bytes [byte]"
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Ring(1), r"size is 1.*2\.\.65536"),
-        (lambda: Ring.filled(-3, 2), "unread is -3"),
-        (lambda: Ring.filled(3, 500), r"get_no is 500.*0\.\.127"),
-        (lambda: Ring(8).cases().plot(get_no=8), r"get_no is 8.*0\.\.7"),
-        (lambda: Ring(8).store(256), r"byte is 256.*0\.\.255"),
-        (lambda: Ring(17).explore(), "size is 17"),
-        (lambda: Ring(4).explore(17), "max_unread is 17"),
-        (lambda: Ring(2000).cases(), "size is 2000"),
-        (lambda: extraction(dict.fromkeys(range(60), 1), MarkerFormat(n_numbers=60)), "is 183"),
-    ],
-)
-def test_arguments_out_of_range_are_named(make, message):
-    with pytest.raises(ArgumentError) as error:
-        make()
-    assert re.search(message, str(error.value))
-
-
-@pytest.mark.parametrize("rule", RULES)
-@given(size=st.integers(2, 9), before=st.binary(max_size=20), data=st.binary(max_size=40))
-def test_bytes_stored_at_once_equal_bytes_stored_one_by_one(rule, size, before, data):
-    whole, single = filled(size, rule, before), filled(size, rule, before + data)
-    whole.store_all(data)
-    assert (whole.cells, whole.state, whole.unread) == (single.cells, single.state, single.unread)
-
-
 @given(size=st.integers(2, 9), data=st.data())
 def test_a_filled_ring_has_the_requested_bytes_place_and_case(size, data):
     get_no = data.draw(st.integers(0, size - 1))
@@ -287,13 +207,6 @@ def test_a_filled_ring_has_the_requested_bytes_place_and_case(size, data):
     ring = Ring.filled(unread, get_no, size)
     assert (ring.unread, ring.state.get_no, ring.stale) == (unread, get_no, 0)
     assert ring.case == case_of(get_no, unread, size)
-
-
-def test_the_lead_is_drawn_with_the_letters_of_its_cases(ax):
-    Ring(128).cases().plot(ax, get_no=40)
-    letters = [text.get_text() for text in ax.texts if len(text.get_text()) == 1]
-    assert letters == ["b", "d", "c", "a", "b", "d"]
-    assert ax.lines[1].get_ydata().max() == 255
 
 
 def test_each_step_reports_its_case_and_action():
@@ -309,59 +222,35 @@ def test_each_step_reports_its_case_and_action():
     assert ring.extract() == Step("a", "stop")
 
 
-def test_a_reader_one_step_ahead_takes_a_stale_byte_each_time():
-    ring = Ring(4)
-    for stale in (1, 2, 3):
-        assert ring.extract().stale
-        assert ring.stale == stale
-        ring.store(0)
-
-
 def test_a_ring_begins_empty_with_128_cells():
     assert Ring().size == Ring.filled(0).size == 128
     assert Ring.filled(3).state == State(3, 0, 0, 0)
     assert Ring.filled(257, size=512).cells[:258] == bytes([*range(256), 0, 0])
     assert [Ring.filled(1, rule=rule).rule for rule in RULES] == RULES
+    assert Ring(2, "corrected").explore()["unread"].max() == 6
+    assert Ring(2).explore(0)["unread"].max() == 0
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
+        (lambda: Ring(1), "size is 1; it must be a whole number 2..65536"),
         (lambda: Ring(8, "x"), "rule is 'x'; it must be one of 'printed', 'intended', 'corrected'"),
         (lambda: Ring.filled(-1), "unread is -1; it must be a whole number 0..1000000"),
-        (lambda: Ring(513).cases(), "size is 513; it must be a whole number 2..512"),
-        (lambda: Ring(4).explore(-1), "max_unread is -1; it must be a whole number 0..16"),
+        (lambda: Ring.filled(3, 500), "get_no is 500; it must be a whole number 0..127"),
+        (lambda: Ring(8).store(256), "byte is 256; it must be a whole number 0..255"),
         (lambda: Ring(4).store_all("12"), "data is '12'; it must be bytes"),
+        (lambda: Ring(17).explore(), "size is 17; it must be a whole number 2..16"),
+        (lambda: Ring(4).explore(17), "max_unread is 17; it must be a whole number 0..16"),
+        (lambda: Ring(513).cases(), "size is 513; it must be a whole number 2..512"),
+        (lambda: Ring(8).cases().plot(get_no=8), "get_no is 8; it must be a whole number 0..7"),
+        (
+            lambda: extraction(dict.fromkeys(range(60), 1), MarkerFormat(n_numbers=60)),
+            "bytes of the packet is 183; it must be a whole number 0..128",
+        ),
     ],
 )
-def test_errors_name_the_value_and_the_range(make, message):
+def test_arguments_out_of_range_are_named(make, message):
     with pytest.raises(ArgumentError) as caught:
         make()
     assert str(caught.value) == message
-
-
-def test_all_states_of_the_smallest_ring_are_listed_with_their_columns():
-    states = Ring(2, "corrected").explore()
-    assert [*states] == [
-        "no",
-        "ring_f",
-        "get_no",
-        "ring_get_f",
-        "unread",
-        "first_lap",
-        "case",
-        "action",
-        "lost",
-        "stale",
-    ]
-    assert states["unread"].max() == 6
-    full = states[(states["unread"] == 2) & (states["get_no"] == 0) & (states["ring_get_f"] == 0)]
-    assert full["first_lap"].tolist() == [False]
-    assert Ring(2).explore(0)["unread"].max() == 0
-
-
-def test_the_table_of_cases_has_a_row_per_lap():
-    table = Ring(4).cases().table()
-    assert [*table] == ["from", "to", "a", "b", "c", "d"]
-    assert table[["from", "to"]].to_numpy().tolist() == [[0, 3], [4, 7], [8, 11]]
-    assert (table[["a", "b", "c", "d"]].sum(axis=1) == 16).all()

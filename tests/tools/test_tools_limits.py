@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shipnet import tools
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Choice, Number, Part, Switch, Text, Whole, declared
+from shipnet.tools import engine_faults, valve_client
 from shipnet.tools._page import Controls
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Sheet
@@ -178,6 +178,8 @@ def test_every_story_is_shown_after_any_other_and_a_page_can_open_on_the_first(t
         page.close()
 
 
-def test_the_tools_are_found():
-    assert len(TOOLS) >= 8
-    assert {kind_of(name).__name__ for name in TOOLS} == set(dir(tools)) - {"draw_steps", "stepper"}
+def test_numbers_in_the_words_of_a_page_are_those_of_the_tool():
+    helps = declared(kind_of("engine_faults"))
+    assert f"begins {engine_faults.START:g} s after" in helps["fault"].help
+    assert f"begins at {engine_faults.START:g} s" in helps["time"].help
+    assert f"has {valve_client._OWN}." in declared(kind_of("valve_client"))["valves"].help

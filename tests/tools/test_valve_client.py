@@ -5,7 +5,6 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from shipnet.ballast.live import Client, Link, ModelValves, serve
 from shipnet.ballast.plant import Fault
@@ -48,22 +47,6 @@ def test_a_valve_travels_in_simulated_time():
     assert view.numbers["mode"] == "auto, last command open"
     states = readout.screen.table().state.tolist()
     assert states[:5] == ["closed", "closed", "open", "closed", "part open"]
-
-
-def test_the_numbers_have_their_units_while_it_moves():
-    valves = ModelValves(2)
-    send(valves, 2, "open")
-    valves.time = 4.5
-    assert seen(ValveClient(valves=2, valve=2), valves).numbers == {
-        "position": "50 %",
-        "pump pressure": "90 bar",
-        "operating pressure": "2.1 bar",
-        "motor current": "1.2 A",
-        "motor temperature": "50 degC",
-        "motor ran": "4.5 s",
-        "mode": "auto, last command open",
-        "fault reported": "none",
-    }
 
 
 def test_refusals_are_shown_as_messages():
@@ -123,10 +106,6 @@ def test_a_server_that_answers_nonsense_is_reported_in_a_sentence(reply):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: ValveClient(port=0), "port is 0"),
-        (lambda: ValveClient(valves=248), "valves is 248"),
-        (lambda: ValveClient(valves=4, valve=5), "valve is 5"),
-        (lambda: ValveClient(address=7), "address is 7"),
         (lambda: send(ModelValves(), 0, "open"), "valve is 0"),
         (lambda: send(ModelValves(), 1, "stop"), "action is 'stop'"),
         (lambda: send(ModelValves(), 1, 101), "action is 101"),
@@ -136,21 +115,6 @@ def test_a_server_that_answers_nonsense_is_reported_in_a_sentence(reply):
 def test_a_value_out_of_range_is_named(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
-
-
-def test_the_picture_has_a_bar_for_every_valve_and_frames_the_chosen_one():
-    valves = ModelValves(6)
-    send(valves, 4, "open")
-    valves.time = 3.0
-    ax = Figure().subplots()
-    seen(ValveClient(valves=7, valve=4), valves).plot(ax)
-    labels = [text.get_text() for text in ax.texts]
-    assert labels[:14:2] == ["0", "0", "0", "33", "0", "0", "-"]
-    assert labels[1:14:2] == [str(unit) for unit in range(1, 8)]
-    framed = [bar for bar in ax.patches if bar.get_linewidth() == 2]
-    assert [round(bar.get_x() + bar.get_width() / 2) for bar in framed] == [3]
-    legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert legend == ["closed", "moving", "silent"]
 
 
 def test_the_explorer_moves_the_valves_of_its_own_server_and_closes_it():
@@ -210,13 +174,6 @@ def test_a_refusal_colours_its_valve_only_until_that_obeys():
         assert colours == [False, True, False, True, False]
     finally:
         box.close()
-
-
-def test_typed_text_counts_when_it_is_finished():
-    box = ValveClient().explore()
-    fields = box.controls
-    box.close()
-    assert not any(fields[name].continuous_update for name in ("address", "port", "valves"))
 
 
 def test_the_explorer_connects_to_a_typed_address_or_reports_that_no_server_responds():

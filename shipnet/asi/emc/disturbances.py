@@ -7,6 +7,7 @@ the amplitudes.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -50,10 +51,6 @@ def add_events(
     u[row, column] += shape(since, *(parameter[row] for parameter in parameters))
 
 
-def _raised_cosine(since: Floats, width: Floats, height: Floats) -> Floats:
-    return np.where(since < width, height * np.sin(np.pi * since / width) ** 2, 0.0)
-
-
 #: Time constants of decay and rise [s]: a pulse rises from 10 % to 90 % in 5 ns and stays above
 #: half for 50 ns, the nominal values of IEC 61000-4-4.
 _DECAY, _RISE = 55.61e-9, 3.291e-9
@@ -84,17 +81,12 @@ _CONSTANTS = np.array([_DECAY, _RISE, 1 / (2 * np.pi * INPUT_CORNER)])
 
 def _mean(since: Floats, dt: float) -> Floats:
     """Return the fraction of a filtered pulse's area between `since` - `dt` and `since` [s]."""
-    return _passed(since) - _passed(np.maximum(since - dt, 0.0))
-
-
-def _passed(since: Floats) -> Floats:
     apart = _CONSTANTS[:, np.newaxis] - _CONSTANTS
     np.fill_diagonal(apart, 1.0)
     share = _CONSTANTS**2 / apart.prod(axis=1)
-    return np.asarray(1 - np.exp(-since[..., np.newaxis] / _CONSTANTS) @ share)
-
-
-# Disturbances ----------------------------------------------------------------------------------
+    ends = np.stack([np.maximum(since - dt, 0.0), since])
+    before, after = np.exp(-ends[..., np.newaxis] / _CONSTANTS) @ share
+    return np.asarray(before - after)
 
 
 @record
@@ -162,12 +154,16 @@ class Impulses:
             )
         (narrow, wide), (first, last) = self.width, span
         u = np.zeros((size, t.size))
+
+        def raised_cosine(since: Floats, width: Floats, height: Floats) -> Floats:
+            return np.where(since < width, height * np.sin(np.pi * since / width) ** 2, 0.0)
+
         for _ in range(self.count):
             w = rng.uniform(narrow, wide, size)
             height = amplitude * rng.uniform(1 - self.spread, 1 + self.spread, size)
             height *= rng.choice([-1.0, 1.0], size)
             begin = rng.uniform(first, last, size) - w / 2
-            add_events(u, t, begin, wide, _raised_cosine, w, height)
+            add_events(u, t, begin, wide, raised_cosine, w, height)
         return u
 
 
@@ -252,16 +248,9 @@ class Burst:
         return u
 
 
-# Test levels ----------------------------------------------------------------------------------
-
 #: Parameters that define the severity of a test; the others define its kind.
-_SEVERITY = [
-    "voltage",
-    "peak voltage",
-    "field strength",
-    "highest frequency",
-    "voltage over that of the supply",
-]
+_SEVERITY = ["voltage", "peak voltage", "field strength", "highest frequency"]
+_SEVERITY += ["voltage over that of the supply"]
 
 #: Position on the x axis at which a test that AS-i lacks is drawn: left of all ratios.
 _NONE = 0.4
@@ -337,38 +326,20 @@ def plot_levels(ax: Axes | None = None) -> Axes:
         colour = "C0" if row["gap"] == "covers" else style.LIMIT["color"]
         x = _NONE if missing else row["ratio"]
         ax.plot([1, x], [y, y], color=colour, linewidth=3, alpha=0.5, visible=not missing)
-        ax.plot(
-            [x],
-            [y],
-            marker="x" if missing else "o",
-            linestyle="none",
-            color=colour,
-            markerfacecolor="white" if unsure else colour,
-        )
+        face = "white" if unsure else colour
+        ax.plot([x], [y], "x" if missing else "o", color=colour, markerfacecolor=face)
         tested = "no test" if missing else f"{row['asi']:g} {row['unit']}"
         text = f"{tested}, ship {row['marine']:g} {row['unit']}"
-        ax.annotate(
-            text + (" (not confirmed)" if unsure else ""),
-            (max(x, 1.0), y),
-            (7, 0),
-            textcoords="offset points",
-            va="center",
-        )
-    ax.axvline(1, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"], zorder=0)
-    ax.annotate(
-        "required on ships",
-        (1, 1),
-        (0, 3),
-        xycoords=ax.get_xaxis_transform(),
-        textcoords="offset points",
-        ha="center",
-        color=style.LIMIT["color"],
-    )
+        text += " (not confirmed)" if unsure else ""
+        ax.annotate(text, (max(x, 1.0), y), (7, 0), textcoords="offset points", va="center")
+    colour, dashes = style.LIMIT["color"], style.LIMIT["linestyle"]
+    ax.axvline(1, color=colour, linestyle=dashes, zorder=0)
+    above: dict[str, Any] = {"xycoords": ax.get_xaxis_transform(), "textcoords": "offset points"}
+    ax.annotate("required on ships", (1, 1), (0, 3), ha="center", color=colour, **above)
     names = [row["test"] + ("" if row["unit"] != "MHz" else ", highest frequency") for row in rows]
     ax.set_yticks(range(len(rows)), names)
     ax.set_xscale("log")
-    ticks = [0.5, 1, 2, 5]
-    ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    ax.set_xticks([0.5, 1, 2, 5], ["0.5", "1", "2", "5"])
     ax.minorticks_off()
     ax.set(xlim=(0.8 * _NONE, 40), ylim=(len(rows) - 0.5, -0.5))
     ax.set_xlabel("AS-i level over marine level [1]")

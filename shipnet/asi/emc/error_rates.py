@@ -34,11 +34,8 @@ def decided_on(u: Floats, dt: float, matched: bool) -> Floats:
 def checked_densities(noise_density: npt.ArrayLike) -> Floats:
     """Return noise densities as a 1-D array; raise ArgumentError if one is out of range."""
     densities = np.atleast_1d(np.asarray(noise_density))
-    if (
-        densities.ndim != 1
-        or densities.dtype.kind not in "iuf"
-        or not ((densities > 0) & (densities <= 1e6)).all()
-    ):
+    numbers = densities.ndim == 1 and densities.dtype.kind in "iuf"
+    if not numbers or not ((densities > 0) & (densities <= 1e6)).all():
         raise ArgumentError(
             f"noise_density is {noise_density!r}; it must be above 0 and up to 1e6 V per root hertz"
         )
@@ -125,17 +122,6 @@ def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, i
     height = np.abs(np.where(middle < y.shape[1], seen, 0.0))
     ahead = np.ceil(peak - int(_REACH * HALF_BIT / dt) - 1e-6)
     return height, received.slots[:, 1:] != 0, np.maximum(ahead, 0.0), y.shape[1]
-
-
-def _kept_noise(dt: float, matched: bool, samples: int) -> tuple[float, float]:
-    """Return the noise gain of filter and mean removal, and the correlation of adjacent samples."""
-    half = int(HALF_BIT / dt / 2) if matched else 0
-    shape = np.cos(np.pi * np.arange(-half, half + 1) * dt / HALF_BIT) ** 2
-    power = float(shape @ shape)
-    lost = min(float(shape.sum()) ** 2 / power / samples, 0.5)
-    gain = 8 / 3 * dt / HALF_BIT if matched else 1.0
-    correlation = (float(shape[1:] @ shape[:-1]) / power - lost) / (1 - lost)
-    return float(gain * np.sqrt(power * (1 - lost))), correlation
 
 
 def _false_start(level: float, correlation: float, samples: Floats) -> Floats:
@@ -292,22 +278,27 @@ def error_rate(
     threshold, minimum = receiver.threshold, receiver.minimum
     sigma = checked_densities(noise_density) / (2 * wave.dt) ** 0.5
     height, filled, ahead, samples = _slots(wave, receiver)
+    # Noise gain of filter and mean removal, and correlation of adjacent samples.
+    half = int(HALF_BIT / wave.dt / 2) if receiver.matched else 0
+    shape = np.cos(np.pi * np.arange(-half, half + 1) * wave.dt / HALF_BIT) ** 2
+    power = float(shape @ shape)
+    lost = min(float(shape.sum()) ** 2 / power / samples, 0.5)
+    gain = 8 / 3 * wave.dt / HALF_BIT if receiver.matched else 1.0
+    correlation = (float(shape[1:] @ shape[:-1]) / power - lost) / (1 - lost)
+    sigma = sigma * gain * np.sqrt(power * (1 - lost))
     highest = _HIGHEST_MINIMUM * float(height[:, 0].min())
     if receiver.matched and minimum > highest:
         raise ArgumentError(
             f"minimum is {minimum:g} V; with a matched filter the formula holds up to "
             f"{highest:.3g} V, {_HIGHEST_MINIMUM:g} of the first pulse; use rare_error_rates"
         )
-    kept, correlation = _kept_noise(wave.dt, receiver.matched, samples)
     rates = []
-    for one in sigma * kept:
+    for one in sigma:
         false = _false_start(minimum / one, correlation, ahead)
         missed = _missed(height, filled, one, threshold, minimum)
         rates.append(np.mean(false + missed - false * missed))
     return np.array(rates)
 
-
-# Cycles ---------------------------------------------------------------------------------------
 
 #: Tries per slave and cycle, and the number of consecutive failed cycles after which a slave is
 #: dropped. Beckhoff, EL6201: three data exchange phases in a row; Siemens, AS-i analyser: six
@@ -348,20 +339,14 @@ def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.Dat
         raise ArgumentError(f"p is {p!r}; it must be one probability or a 1-D array of them, 0..1")
     cycle = cycle or Cycle(31)
     slaves = check_whole("addresses", cycle.addresses, 1, 31)
-    rate = rate.astype(float)
-    failure = rate**TRIES
+    table = pd.DataFrame({"rate": rate.astype(float)})
+    table["repetitions_per_s"] = slaves * table["rate"] / cycle.time
+    failure = table["cycle_failure"] = table["rate"] ** TRIES
+    table["three_cycles"] = failure**CYCLES
     with np.errstate(divide="ignore", over="ignore"):
-        between = cycle.time * (failure[:, np.newaxis] ** -np.arange(1.0, CYCLES + 1)).sum(axis=1)
-    return pd.DataFrame(
-        {
-            "rate": rate,
-            "repetitions_per_s": slaves * rate / cycle.time,
-            "cycle_failure": failure,
-            "three_cycles": failure**CYCLES,
-            "between_drops_s": between,
-            "drops_per_h": slaves * 3600 / between,
-        }
-    )
+        cycles = sum(failure**-k for k in range(1, CYCLES + 1))
+        table["between_drops_s"] = cycle.time * cycles
+        return table.assign(drops_per_h=slaves * 3600 / table["between_drops_s"])
 
 
 def burst_failures(
@@ -428,12 +413,6 @@ def burst_failures(
         t += _EXTRA * slot
     # After the packet the next exchange succeeds, which ends every open series.
     counts += np.bincount(in_a_row.ravel(), minlength=most + 1)
-    per_packet = counts[1:] / packets
-    return pd.DataFrame(
-        {
-            "failures": np.arange(1, most + 1),
-            "series": counts[1:],
-            "per_packet": per_packet,
-            "per_h": per_packet * 3600 / PACKET_PERIOD,
-        }
-    )
+    table = pd.DataFrame({"failures": np.arange(1, most + 1), "series": counts[1:]})
+    table["per_packet"] = table["series"] / packets
+    return table.assign(per_h=table["per_packet"] * 3600 / PACKET_PERIOD)

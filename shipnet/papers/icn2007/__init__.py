@@ -19,8 +19,8 @@ from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.asi.segment import telegram_voltages
 from shipnet.asi.simulation import Standby, simulate
-from shipnet.asi.slave import Slave
-from shipnet.asi.telegram import RESPONSES, Call, Half, Request, Response, frame
+from shipnet.asi.slave import WATCHDOG, Slave
+from shipnet.asi.telegram import RESPONSES, Call, Half, Request, Response
 from shipnet.asi.timing import Transaction, cycle_time
 from shipnet.asi.topologies import line, ring, star
 from shipnet.errors import ArgumentError
@@ -181,15 +181,21 @@ def repeats_what_was_done(*, lost: int = 1) -> bool:
 
 
 @check("icn2007-039", counter={"standby": False})
-def standby_takes_over(*, standby: bool = True) -> bool:
-    """Whether data are exchanged with all slaves after the master has failed."""
+def standby_takes_over(*, standby: bool = True) -> float:
+    """Margin of the time until a standby master takes over, within a slave's watchdog time.
+
+    It is -1 if some slave exchanges no data afterwards.
+    """
     master = Master({str(address): "S-0.F.F" for address in ADDRESSES})
     second = Standby(master) if standby else None
     run = simulate(
         five_slaves(), master, until=0.2, faults=MasterFailure(start=0.1), standby=second
     )
     later = run.events().query("time_s > 0.15 and call == 'DATA_EXCHANGE' and outcome == 'ok'")
-    return set(later["slave"]) == {str(address) for address in ADDRESSES}
+    if set(later["slave"]) != {str(address) for address in ADDRESSES}:
+        return -1.0
+    first = run.events().query("standby")["time_s"].min()
+    return float(1 - (first - 0.1) / WATCHDOG)
 
 
 # Rates under every assumption ------------------------------------------------------------------

@@ -1,0 +1,104 @@
+"""Message sets in DBC files, which cantools parses."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from shipnet.can.messages import Message, MessageSet, set_faults
+from shipnet.errors import ArgumentError, InputError, load_extra
+
+#: Limits of a DBC file, beyond which cantools needs seconds and gigabytes: bytes of a message (1785
+#: in J1939) and of all messages, and multiplexer values of all signals.
+_LARGEST, _LARGEST_SUM, _MOST_VALUES = 1785, 500_000, 65_536
+
+
+def _refuse_large(text: str, source: str) -> None:
+    """Raise an error if a DBC file contains numbers so large that cantools would take too long."""
+    plain = re.sub(r'"(?:\\"|[^"])*"|//[^\n]*', " ", text)
+    lengths = [float(n) for n in re.findall(r"\bBO_\s+\d+\s+\w+\s*:\s*(\d+)", plain)]
+    bits = [float(n) for pair in re.findall(r":\s*(\d+)\s*\|\s*(\d+)", plain) for n in pair]
+    ranges = re.findall(r"(\d+)\s*-\s*(\d+)", plain)
+    values = [float(end) - float(start) for start, end in ranges]
+    for what, value, most in (
+        ("the length of a message in bytes", max(lengths, default=0), _LARGEST),
+        ("the length of all messages in bytes", sum(lengths), _LARGEST_SUM),
+        ("the place of a signal in bits", max(bits, default=0), 8 * _LARGEST),
+        ("the number of multiplexer values", sum(values), _MOST_VALUES),
+    ):
+        if not value <= most:
+            raise InputError(source, f"{what} is {value:g}; it must be at most {most}")
+
+
+def parse_dbc(
+    text: str, source: str, period: float | None = None, strict: bool = True
+) -> MessageSet:
+    """Read the messages in the text of a DBC file with cantools."""
+    cantools = load_extra("cantools", "cantools")
+    _refuse_large(text, source)
+    try:
+        database = cantools.database.load_string(text, database_format="dbc", strict=False)
+    # cantools may raise any exception.
+    except Exception as problem:
+        raise InputError(source, f"is not a DBC file: {one_line(problem)}") from None
+    messages: list[tuple[str, Message]] = []
+    faults, overlooked = [], []
+    for entry in database.messages:
+        where = f"message {entry.name!r}"
+        try:
+            entry.refresh(strict=True)
+        except Exception as problem:
+            overlooked.append(f"{where}: {one_line(problem)}")
+        try:
+            messages.append((where, _message(entry, period)))
+        except ArgumentError as fault:
+            faults.append(f"{where}{'' if str(fault).startswith('has ') else ':'} {fault}")
+    taken = dict(set_faults(message for _, message in messages))
+    faults += [f"{messages[number][0]}: {why}" for number, why in taken.items()]
+    kept = [message for number, (_, message) in enumerate(messages) if number not in taken]
+    if strict:
+        faults += [f"{fault}; strict=False accepts the message" for fault in overlooked]
+    if not kept or (strict and faults):
+        raise InputError(source, *(faults or ["has no message"]))
+    protocol = database.dbc.attributes.get("ProtocolType")
+    marked = protocol is not None and str(protocol.value) in ("J1939", "NMEA2000")
+    any_source = [
+        entry.name
+        for entry in database.messages
+        if entry.is_extended_frame and (marked or entry.protocol == "j1939")
+    ]
+    return MessageSet(kept, overlooked=[*overlooked, *faults], any_source=any_source)
+
+
+def _message(entry: Any, period: float | None) -> Message:
+    """Return a message of cantools; without a cycle time, it has the given period."""
+    if entry.length > 8:
+        raise ArgumentError(
+            f"has {entry.length} bytes; a frame of classic CAN has at most 8. List the "
+            "frames of a fast packet or transport protocol in a CSV file"
+        )
+    try:
+        cycle = float(str(entry.cycle_time or 0)) / 1e3 or period
+    except ValueError:
+        raise ArgumentError(
+            f"cycle time is {entry.cycle_time!r}; it must be a number of ms"
+        ) from None
+    if cycle is None:
+        raise ArgumentError(
+            "has no cycle time; give one with --period on the command line or period= in Python"
+        )
+    return Message(
+        entry.name,
+        entry.frame_id,
+        entry.length,
+        cycle,
+        extended=entry.is_extended_frame,
+        # cantools omits Vector__XXX, which marks a message without a sender.
+        sender=entry.senders[0] if entry.senders else "",
+    )
+
+
+def one_line(problem: Exception) -> str:
+    """Return the text of an exception on one line."""
+    text = " ".join(str(problem).split())
+    return (text if len(text) <= 150 else text[:147] + "...") or type(problem).__name__
