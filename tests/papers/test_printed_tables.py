@@ -1,4 +1,7 @@
+from itertools import combinations
+
 import pytest
+from matplotlib.patches import Polygon, Rectangle
 
 from shipnet import datasets
 from shipnet.asi import Call, Request
@@ -86,14 +89,44 @@ def test_an_unknown_table_is_refused(function, item):
         function(item)
 
 
+BLOCKS, WAYS = datasets.read("diagram_blocks.csv"), datasets.read("diagram_ways.csv")
+DIAGRAMS = sorted({tuple(place) for place in BLOCKS[["paper", "figure"]].to_numpy()})
+
+
+def of(table, place):
+    return table[(table.paper == place[0]) & (table.figure == place[1])]
+
+
 def test_a_diagram_joins_blocks_that_it_has():
-    blocks, ways = datasets.read("diagram_blocks.csv"), datasets.read("diagram_ways.csv")
-    have = {tuple(row) for row in blocks[["paper", "figure", "block"]].to_numpy()}
-    assert len(have) == len(blocks)
+    names = {tuple(row) for row in BLOCKS[["paper", "figure", "block"]].to_numpy()}
+    assert len(names) == len(BLOCKS)
     for end in ("start", "end"):
-        assert {tuple(row) for row in ways[["paper", "figure", end]].to_numpy()} <= have
-    for paper, item in {place[:2] for place in have}:
-        ax = figure(paper, item)
-        mine = blocks[(blocks.paper == paper) & (blocks.figure == item)]
-        drawn = [text.get_text() for text in ax.texts]
-        assert {text.replace(r"\n", "\n") for text in mine["text"]} <= set(drawn)
+        assert {tuple(row) for row in WAYS[["paper", "figure", end]].to_numpy()} <= names
+
+
+@pytest.mark.parametrize("place", DIAGRAMS)
+def test_a_diagram_shows_its_blocks_apart_from_each_other_and_within_its_axes(place):
+    # Some diagrams are one panel of their figure.
+    ax = max(figure(*place).figure.axes, key=lambda panel: len(panel.patches))
+    blocks = of(BLOCKS, place)
+    texts = [text.get_text() for text in ax.texts]
+    assert {text.replace(r"\n", "\n") for text in blocks["text"]} <= set(texts)
+    if place == ("kim2014", "Fig 1"):
+        return  # its valves are drawn by code
+    shapes = [patch for patch in ax.patches if isinstance(patch, Rectangle | Polygon)]
+    assert len(shapes) == (blocks["shape"] != "text").sum()
+    extents = [
+        patch.get_path().transformed(patch.get_patch_transform()).get_extents() for patch in shapes
+    ]
+    assert not any(a.overlaps(b) for a, b in combinations(extents, 2))
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    for extent in extents:
+        assert left <= extent.x0 and extent.x1 <= right and low <= extent.y0 and extent.y1 <= high
+
+
+def test_every_decision_of_chung1998_has_a_way_for_yes_and_one_for_no():
+    decisions = BLOCKS[(BLOCKS["shape"] == "decision") & (BLOCKS["paper"] == "chung1998")]
+    assert set(decisions["figure"]) == {"Fig 5", "Fig 6", "Fig 7", "Fig 8(a)", "Fig 8(b)"}
+    for paper, item, name in decisions[["paper", "figure", "block"]].to_numpy():
+        ways = of(WAYS, (paper, item))
+        assert sorted(ways.loc[ways["start"] == name, "word"]) == ["no", "yes"]
