@@ -529,7 +529,9 @@ def master_pause_of_chip(*, edge: float) -> float:
 
 @check("kim2023-028", counter={"edges": (10e-6, 33.5e-6)})
 def master_pause_in_range(*, edges: tuple[float, ...] = CHIP_EDGES) -> float:
-    """Margin of the pauses, computed from a chip's delays [s], within the legal range."""
+    """Margin of a chip's pauses in the legal range; -1 unless the printed limits are legal."""
+    if not all(is_legal(Transaction, pause) for pause in (2.0, 10.0)):
+        return -1.0
     least, most = MASTER_PAUSE_BITS
     pauses = [master_pause_of_chip(edge=edge) for edge in edges]
     return min(min(pauses) / least - 1, 1 - max(pauses) / most)
@@ -548,7 +550,7 @@ def slave_pause_is_short(*, longest: float = 2.0) -> bool:
     bits = [float(length) * 1e-6 / BIT_TIME for length in PUBLISHED_TRANSACTIONS]
     frames = REQUEST_BITS + RESPONSE_BITS
     least, most = MASTER_PAUSE_BITS
-    usual = Transaction().slave_pause <= longest
+    usual = Transaction().slave_pause <= longest and is_legal(Transaction().check_line)
     return usual and all(least + 1.5 <= length - frames <= most + longest for length in bits)
 
 
