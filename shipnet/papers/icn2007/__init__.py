@@ -83,7 +83,7 @@ _SHARED = {
 }
 REGISTRY.update({ours: REGISTRY[theirs] for ours, theirs in _SHARED.items()})
 numeric("icn2007-005", unit=1e-3)(bit_time)
-numeric("icn2007-021", bits=Request.data_exchange(21, 0xE).bits)(word_bits)
+numeric("icn2007-021", request=True)(word_bits)
 numeric("icn2007-036", halves=(None,))(slaves_per_master)
 check("icn2007-038", repeats=False, counter={"wait": 11.0})(goes_on_after)
 

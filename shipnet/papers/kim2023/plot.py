@@ -39,7 +39,12 @@ diagrams("kim2023", "Fig 10", arrowstyle="-")
 @drawing("kim2023", "Fig 3", "Fig 4")
 def _near_and_far(*, near: float = 5.0, far: float = 100.0, ax: Axes) -> Axes:
     """Draw the responses of a slave near the supply and of one far from it."""
-    return line(100, slaves=(near, far)).waveform(Response(0x6), **_RECORD).plot(ax)
+    wave = line(100, slaves=(near, far)).waveform(Response(0x6), **_RECORD)
+    for volts, name, look in zip(wave.u, wave.names, ("-", "--"), strict=True):
+        ax.plot(wave.t * 1e6, volts, look, label=f"slave at {name}")
+    ax.set(xlabel="time [us]", ylabel="voltage at the master [V]")
+    style.legend(ax)
+    return ax
 
 
 @drawing("kim2023", "Fig 5", figsize=(9, 5))

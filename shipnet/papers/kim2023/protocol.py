@@ -44,17 +44,17 @@ EXAMPLE_REQUEST, EXAMPLE_RESPONSE = str(_EXAMPLES["request"]), str(_EXAMPLES["re
 DATASHEET_FRAMES = tuple(datasets.read("asi_datasheet_frames.csv")["bits"])
 
 
-@numeric("kim2023-026", bits=Request.data_exchange(21, 0xE).bits)
-@numeric("kim2023-027", bits=Response(0x6).bits)
-def telegram_bits(*, bits: str) -> int:
-    """Bits of a telegram."""
-    return len(bits)
+@numeric("kim2023-026", request=True)
+@numeric("kim2023-027", request=False)
+def telegram_bits(*, request: bool) -> int:
+    """Bits of a request or of a response."""
+    return len((Request.data_exchange(21, 0xE) if request else Response(0x6)).bits)
 
 
-@numeric("kim2023-008", bits=Response(0x6).bits)
-def word_bits(*, bits: str) -> int:
-    """Bits of a telegram without start, parity and end bit."""
-    return len(bits) - len(frame(""))
+@numeric("kim2023-008", request=False)
+def word_bits(*, request: bool) -> int:
+    """Bits of a request or of a response without start, parity and end bit."""
+    return telegram_bits(request=request) - len(frame(""))
 
 
 @numeric("kim2023-037", part="address")
