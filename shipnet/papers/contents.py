@@ -6,9 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from html import escape
-from typing import Any
 
 from shipnet import datasets
 from shipnet.fields import check_choice
@@ -29,11 +27,8 @@ class Contents:
         return rows.drop(columns="paper").set_index("section")
 
     def __repr__(self) -> str:
-        rows = self._rows()
-        return "\n".join(f"{row['section']}: {row['says']} {row['items']}".rstrip() for row in rows)
-
-    def _rows(self) -> list[dict[Hashable, Any]]:
-        return self.table().reset_index().to_dict("records")
+        rows = self.table()[["says", "items"]].itertuples(name=None)
+        return "\n".join(f"{section}: {says} {items}".rstrip() for section, says, items in rows)
 
     def _repr_html_(self) -> str:
         return self.html()
@@ -41,27 +36,25 @@ class Contents:
     def html(self, folder: str = "") -> str:
         """Return the table with links to the notebooks in a folder, such as ``"notebooks/"``."""
         printed = datasets.read("figures_tables.csv").query("paper == @self.paper")
-        items = printed.set_index("item")[["cell", "treatment"]].to_dict("index")
+        known = printed.set_index("item")[["cell", "treatment"]].to_dict("index")
 
         def link(words: str, cell: str) -> str:
             notebook, _, id = cell.partition("#")
-            return f'<a href="{folder}{notebook}.ipynb#cell-id={id}">{escape(words)}</a>'
-
-        def entry(item: str) -> str:
-            cell = items[item]["cell"]
-            return f"{link(item, cell) if cell else escape(item)} ({items[item]['treatment']})"
+            href = f"{folder}{notebook}.ipynb#cell-id={id}"
+            return f'<a href="{href}">{escape(words)}</a>' if cell else escape(words)
 
         heads = ("section", "what it says", "here", "figures and tables", "claims")
         lines = ['<table class="dataframe sections">', "<thead><tr>"]
         lines += [*(f"<th {LEFT}>{head}</th>" for head in heads), "</tr></thead>", "<tbody>"]
-        for row in self._rows():
-            pairs = [pair.split("=") for pair in row["cells"].split("; ") if pair]
+        for section, says, places, items, claims in self.table().itertuples(name=None):
+            pairs = [pair.split("=") for pair in str(places).split("; ")]
+            listed = [(item, *known[item].values()) for item in str(items).split("; ") if item]
             cells = (
-                escape(row["section"]),
-                escape(row["says"]),
+                escape(str(section)),
+                escape(str(says)),
                 "<br>".join(link(*pair) for pair in pairs),
-                "<br>".join(entry(item) for item in row["items"].split("; ") if item),
-                _short(row["claims"].split()),
+                "<br>".join(f"{link(item, cell)} ({label})" for item, cell, label in listed),
+                _short(str(claims).split()),
             )
             lines.append(f"<tr>{''.join(f'<td {LEFT}>{cell}</td>' for cell in cells)}</tr>")
         return "\n".join([*lines, "</tbody></table>"])
@@ -71,10 +64,9 @@ def _short(numbers: list[str]) -> str:
     """Return numbers with successive ones as a range: "001-003 007"."""
     runs: list[list[str]] = []
     for number in numbers:
-        if runs and int(number) == int(runs[-1][-1]) + 1:
-            runs[-1].append(number)
-        else:
-            runs.append([number])
+        if not runs or int(number) > int(runs[-1][-1]) + 1:
+            runs.append([])
+        runs[-1].append(number)
     return " ".join(run[0] if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
 
 

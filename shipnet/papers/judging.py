@@ -193,47 +193,38 @@ class Shown:
     """Some claims: each with its verdict in words, both values, and the reason in its own line."""
 
     def __init__(self, ids: Collection[str]) -> None:
-        rows = [_judge(claim) for claim in _claims_by_id(ids)]
-        self._rows = {
-            str(row["id"]): {
+        self._rows: dict[str, dict[str, str]] = {}
+        for claim in _claims_by_id(ids):
+            row = _judge(claim)
+            source = [str(row[name]) for name in ("id", "where", "grade")]
+            self._rows[source[0]] = {
                 "claim": str(row["claim"]),
                 "verdict": _verdict(row),
                 "the paper says": _says(row),
                 "we compute": _ours(row),
                 "reason": _reason(row),
-                "grade": str(row["grade"]),
-                "where": str(row["where"]),
+                "source": ", ".join(filter(None, source)),
             }
-            for row in rows
-        }
 
     def table(self) -> pd.DataFrame:
-        """Return one row per claim, indexed by its id."""
+        """Return one row per claim, indexed by its id; `source` is its id, place and grade."""
         return pd.DataFrame.from_dict(self._rows, orient="index")
-
-    def _sources(self) -> dict[str, str]:
-        """Return id, place and grade of each claim in one text."""
-        return {
-            id: ", ".join(filter(None, [id, row["where"], row["grade"]]))
-            for id, row in self._rows.items()
-        }
 
     def __repr__(self) -> str:
         lines = []
-        for row, source in zip(self._rows.values(), self._sources().values(), strict=True):
-            values = [f"{name}: {row[name]}" for name in ("the paper says", "we compute")]
-            lines += [f"{row['claim']}: {row['verdict']}"]
-            lines += ["  " + "; ".join(value for value in values if not value.endswith(": "))]
-            lines += [f"  {row['reason']}", f"  [{source}]"]
+        for row in self._rows.values():
+            values = [f"{name}: {row[name]}" for name in list(row)[2:4] if row[name]]
+            lines += [f"{row['claim']}: {row['verdict']}", "  " + "; ".join(values)]
+            lines += [f"  {row['reason']}", f"  [{row['source']}]"]
         return "\n".join(line for line in lines if line.strip())
 
     def _repr_html_(self) -> str:
         heads = ("claim", "verdict", "the paper says", "we compute")
         cells = "".join(f"<th {LEFT}>{head}</th>" for head in heads)
         lines = ['<table class="dataframe shown">', f"<thead><tr>{cells}</tr></thead>", "<tbody>"]
-        for row, source in zip(self._rows.values(), self._sources().values(), strict=True):
+        for row in self._rows.values():
             cells = "".join(f"<td {LEFT}>{escape(row[head])}</td>" for head in heads)
-            below = " ".join(filter(None, [escape(row["reason"]), f"<i>{source}</i>"]))
+            below = f"{escape(row['reason'])} <i>{row['source']}</i>".strip()
             lines += [f"<tr>{cells}</tr>"]
             lines += [f'<tr><td colspan="4" {LEFT}><small>{below}</small></td></tr>']
         return "\n".join([*lines, "</tbody></table>"])

@@ -25,6 +25,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,16 +49,25 @@ for claim in sorted(REGISTRY):
 print(json.dumps(results))
 """
 
-#: The file, the qualified name and the loaded names of each function that a claim calls, as JSON.
+#: What claims reach, as JSON: for each function, its file, the names that it loads and the claims
+#: that call it; for each field that an object leaves at its default, class, field and claims.
 REACH = """
-import json, sys
+import dataclasses, json, sys
 from shipnet.papers.registry import REGISTRY, load
 load()
-seen = {}
+calls, fields = {}, {}
 def watch(frame, event, _):
-    if event == "call" and "/shipnet/" in frame.f_code.co_filename:
-        code = frame.f_code
-        seen.setdefault(code, set()).add(claim)
+    code = frame.f_code
+    if event != "call":
+        return
+    if "/shipnet/" in code.co_filename:
+        calls.setdefault(code, set()).add(claim)
+    elif code.co_name == "__init__" and code.co_filename == "<string>":
+        made = type(frame.f_locals["self"])
+        for field in dataclasses.fields(made) if dataclasses.is_dataclass(made) else ():
+            if frame.f_locals.get(field.name) is field.default:
+                key = made.__module__, made.__name__, field.name
+                fields.setdefault(key, set()).add(claim)
 for claim in sorted(REGISTRY):
     sys.setprofile(watch)
     try:
@@ -66,8 +76,9 @@ for claim in sorted(REGISTRY):
         pass
     sys.setprofile(None)
 print(json.dumps([
-    [code.co_filename.rpartition("/shipnet/")[2], code.co_qualname, code.co_names, sorted(claims)]
-    for code, claims in seen.items()
+    [[code.co_filename.rpartition("/shipnet/")[2], code.co_names, sorted(claims)]
+     for code, claims in calls.items()],
+    [[*key, sorted(claims)] for key, claims in fields.items()],
 ]))
 """
 
@@ -143,13 +154,14 @@ class Literal(NamedTuple):
 def literals() -> Iterator[Literal]:
     """Yield the public constants and the defaults of fields in the models.
 
-    A private constant is a detail of the program, such as the size of a block.
+    A private constant is a detail of the program, such as the size of a block, and the settings of
+    a design are an engineer's choice.
     """
     for file in sorted((ROOT / "shipnet").rglob("*.py")):
         name = file.relative_to(ROOT / "shipnet").as_posix()
         if name.split("/")[0] not in MODELS and name not in ("crc.py", "clock.py"):
             continue
-        if "plot" in name or "report" in name or "drawing" in name:
+        if "plot" in name or name == "design/settings.py":
             continue
         for node in ast.parse(file.read_text(encoding="utf-8")).body:
             for target, value, owner in _numbers(node):
@@ -188,19 +200,39 @@ def reached() -> dict[Literal, list[str]]:
         cwd=ROOT,
         env=environment,
     ).stdout
-    calls = json.loads(output)
+    calls, fields = json.loads(output)
     found = {}
     for one in literals():
-        claims = {
-            claim
-            for file, name, loads, claims in calls
-            for claim in claims
-            if (one.name in loads and not one.owner)
-            or (one.owner and file == one.file and name.startswith(f"{one.owner}."))
-        }
-        if claims:
-            found[one] = sorted(claims)
+        module = "shipnet." + one.file.removesuffix(".py").replace("/", ".")
+        if one.owner:
+            reaching = {
+                claim
+                for of, owner, name, claims in fields
+                for claim in claims
+                if (of, owner, name) == (module, one.owner, one.name)
+            }
+        else:
+            reaching = {
+                claim
+                for file, loads, claims in calls
+                for claim in claims
+                if one.name in loads and (file == one.file or one.name in imported(file, module))
+            }
+        if reaching:
+            found[one] = sorted(reaching)
     return found
+
+
+@cache
+def imported(file: str, module: str) -> set[str]:
+    """Return the names that a file of the package imports from a module."""
+    tree = ast.parse((ROOT / "shipnet" / file).read_text(encoding="utf-8"))
+    return {
+        alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module == module
+        for alias in node.names
+    }
 
 
 def draw(number: int, seed: int) -> int:
@@ -212,7 +244,7 @@ def draw(number: int, seed: int) -> int:
     moving, unexplained = 0, 0
     with tempfile.TemporaryDirectory() as name:
         package = Path(name)
-        for folder in ("shipnet", "data", "tests"):
+        for folder in ("shipnet", "data", "tests", "docs"):
             shutil.copytree(ROOT / folder, package / folder)
         shutil.copy2(ROOT / "pyproject.toml", package)
         original = results(package, sorted({c for claims in constants.values() for c in claims}))
