@@ -3,9 +3,9 @@ from . import icn2007 as icn2007
 from . import kim2014 as kim2014
 from . import kim2023 as kim2023
 from . import lee2012 as lee2012
-from .contents import contents as contents
 from .judging import Claim as Claim
 from .judging import ledger as ledger
 from .judging import show as show
 from .registry import PAPERS as PAPERS
 from .registry import figure as figure
+from .sections import contents as contents
