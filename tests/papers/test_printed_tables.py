@@ -6,7 +6,7 @@ from matplotlib.patches import Polygon, Rectangle
 from shipnet import datasets
 from shipnet.asi import Call, Request
 from shipnet.errors import ArgumentError
-from shipnet.papers import figure
+from shipnet.papers import figure, kim2014, lee2012
 from shipnet.papers.kim2023 import differences, printed, protocol, table
 
 GENERATED = [f"Table {number}" for number in (4, 5, 6, 7)]
@@ -87,6 +87,50 @@ def test_parameter_bits_are_called_p():
 def test_an_unknown_table_is_refused(function, item):
     with pytest.raises(ArgumentError, match=r"item is .*; it must be one of 'Table 4', 'Table 5'"):
         function(item)
+
+
+@pytest.mark.parametrize(
+    ("item", "differing"),
+    [
+        ("Table 1", ["Lubricating oil consumption", "Cylinder oil consumption"]),
+        ("Table 2", ["Master address"]),
+        ("Table 3", ["JB2", "JB3"]),  # "Press" and "Hugh"
+        ("Fig 4", ["(b) response", "(b) response"]),  # address and byte count
+    ],
+)
+def test_lee2012_marks_the_rows_that_differ_from_the_printed_ones(item, differing):
+    rows = lee2012.table(item)
+    assert rows.index[rows["differs"] == "*"].tolist() == differing
+    assert len(rows) == {"Table 1": 6, "Table 2": 10, "Table 3": 14, "Fig 4": 12}[item]
+
+
+@pytest.mark.parametrize(
+    ("item", "differing"),
+    [
+        ("Table 2", {("write error", 7): "86 *"}),
+        (
+            "Table 3",
+            {
+                ("read response", 4): "00 0b *",
+                ("read response", 8): "08 *",
+                ("read response", 9): "00 *",
+                ("read response", 10): "00 *",
+                ("read response", 11): "00 *",
+                ("read response", 12): "00 00 00 00 00 *",
+            },
+        ),
+    ],
+)
+def test_kim2014_marks_the_bytes_that_differ_from_the_standard(item, differing):
+    rows = kim2014.table(item)
+    cells = rows.xs("standard", level=1).stack()
+    assert cells[cells.str.endswith("*")].to_dict() == differing
+
+
+@pytest.mark.parametrize("paper", [kim2014, lee2012])
+def test_a_table_that_is_not_printed_is_refused(paper):
+    with pytest.raises(ArgumentError, match="item is 'Table 9'; it must be one of 'Table"):
+        paper.table("Table 9")
 
 
 BLOCKS, WAYS = datasets.read("diagram_blocks.csv"), datasets.read("diagram_ways.csv")
