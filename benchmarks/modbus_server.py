@@ -1,8 +1,8 @@
-"""How long a client of our server or of pymodbus's waits while another client pipelines requests.
+"""How long a client of our server or of pymodbus's waits while others pipeline requests.
 
-Each server runs in its own process, as does the other client, which sends as fast as it can, reads
-its responses or ignores them, and reconnects when disconnected. pymodbus responds to none of the
-other client's requests, because it drops data that arrive in portions longer than a frame.
+Each server runs in its own process, as does each other client, which sends as fast as it can, reads
+its responses or ignores them, and reconnects when disconnected. pymodbus responds to none of their
+requests, because it drops data that arrive in portions longer than a frame.
 """
 
 import asyncio
@@ -85,17 +85,17 @@ def polls(port):
 def main():
     title = f"{'beside':<24}{'server':<10}{'median ms':>10}{'99 % ms':>10}{'worst ms':>10}"
     print(title + f"{'other responses/s':>24}")
-    for beside in ("nobody", "one that reads", "one that does not read"):
+    for beside in ("nobody", "one that reads", "one that does not read", "four that read"):
         for kind in ("ours", "pymodbus"):
             pipe, far = mp.Pipe()
             processes = [mp.Process(target=hold, args=(kind, far), daemon=True)]
             processes[0].start()
             port, answered = pipe.recv(), mp.Value("q", 0, lock=False)
             if beside != "nobody":
-                reads = beside == "one that reads"
-                args = (port, reads, answered)
-                processes.append(mp.Process(target=press, args=args, daemon=True))
-                processes[-1].start()
+                args = (port, beside != "one that does not read", answered)
+                for _ in range(4 if beside.startswith("four") else 1):
+                    processes.append(mp.Process(target=press, args=args, daemon=True))
+                    processes[-1].start()
                 sleep(0.3)
             before, begin = answered.value, perf_counter()
             times = 1e3 * polls(port)

@@ -520,7 +520,7 @@ _EAST_ASIAN_DATES = {*range(27, 37), *range(50, 59)}
 _TYPED = re.compile("[+\u2212\uff0b\uff0d-]?[.,\uff0c\uff0e]?\\d")
 
 #: A number format with literal letters, which are quoted or follow a backslash.
-_WORDS = re.compile(r'"[^"]*[^\W\d_][^"]*"|\\[^\W\d_]')
+_WORDS = re.compile(r'"(?:[^"\w]|[\d_])*[^\W\d_][^"]*"|\\[^\W\d_]')
 
 
 @cache

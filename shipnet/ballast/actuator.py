@@ -43,9 +43,12 @@ class Actuator:
         0.1, 500, "1/s", "Motor speed, the same at any load: four poles at 50 Hz", 1450 / 60
     )
     pump_leak: Quantity = _number(
-        1e-18, 1e-6, "m3/(s Pa)", "Laminar leak of the pump: 94.5 % efficiency at 90 bar",
+        1e-18,
+        1e-6,
+        "m3/(s Pa)",
+        "Laminar leak of the pump: 94.5 % efficiency at 90 bar",
         3.2e-6 / 90e5,
-    )  # fmt: skip
+    )
     relief_pressure: Quantity = _number(
         1e5, 1e8, "Pa", "Pressure at which the relief valve begins to open", 125e5
     )
@@ -53,9 +56,12 @@ class Actuator:
         1e-14, 1e-6, "m3/(s Pa)", "Flow through the relief valve per unit of excess pressure", 2e-10
     )
     restrictor: Quantity = _number(
-        1e-15, 1e-3, "m3/(s sqrt(Pa))",
-        "Flow through the lock valve per square root of its pressure drop", 54.8e-6 / sqrt(88e5),
-    )  # fmt: skip
+        1e-15,
+        1e-3,
+        "m3/(s sqrt(Pa))",
+        "Flow through the lock valve per square root of its pressure drop",
+        54.8e-6 / sqrt(88e5),
+    )
     piston_area: Quantity = _number(1e-5, 1.0, "m2", "Piston area (100 mm diameter)", 7.85e-3)
     pinion_radius: Quantity = _number(1e-3, 1.0, "m", "Radius of the pinion", 0.04)
     piston_leak: Quantity = _number(1e-18, 1e-6, "m3/(s Pa)", "Laminar leak past the piston", 1e-13)
@@ -185,8 +191,8 @@ class Oil:
         cylinder = np.minimum(wanted, self._blocked)
         drop = np.asarray(np.inf)
         for leak, supply in self._balances:
-            rest = np.maximum(supply - leak * cylinder, 0)
-            drop = np.minimum(drop, _root(leak, self._restrictor, rest))
+            left = np.maximum(supply - leak * cylinder, 0)
+            drop = np.minimum(drop, _root(leak, self._restrictor, left))
         leaving = self._restrictor * drop - self._piston_leak * cylinder
         flow = np.where(wanted < self._blocked, np.maximum(leaving, 0.0), 0.0)
         return Hydraulics(cylinder + drop**2, cylinder, flow)
@@ -206,9 +212,8 @@ def stroke_time(actuator: Actuator, direction: int = 1) -> Floats:
     x = np.concatenate([edge * (nodes + 1) / 2, edge + (1 - edge) * (nodes + 1) / 2])
     w = np.concatenate([edge * weights / 2, (1 - edge) * weights / 2])
     speeds = np.stack([velocity(actuator, place, direction) for place in x])
-    slow = np.full(speeds.shape, np.inf)
-    np.divide(1.0, speeds, out=slow, where=speeds > 0)
-    return np.asarray(np.tensordot(w, slow, axes=1))
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.tensordot(w, 1 / speeds, axes=1))
 
 
 def _root(a: npt.ArrayLike, b: npt.ArrayLike, c: npt.ArrayLike) -> Floats:
@@ -226,21 +231,15 @@ def _active_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
 
 def motor_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
     """Return the running motor's current [A]: magnetising and active components in quadrature."""
-    return np.asarray(
-        np.hypot(actuator.magnetising_current, _active_current(actuator, pump_pressure))
-    )
-
-
-def electric_power(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
-    """Return the electric power of the running motor [W], including its no-load loss."""
-    return np.asarray(np.sqrt(3) * actuator.voltage * _active_current(actuator, pump_pressure))
+    active = _active_current(actuator, pump_pressure)
+    return np.asarray(np.hypot(actuator.magnetising_current, active))
 
 
 def losses(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
     """Return the heat generated in motor and pump [W]: the power not transferred to the oil."""
     pressure = np.asarray(pump_pressure, float)
-    given = np.asarray(actuator.displacement) * actuator.speed * pressure
-    return np.asarray(electric_power(actuator, pressure) - given)
+    electric = np.sqrt(3) * actuator.voltage * _active_current(actuator, pressure)
+    return np.asarray(electric - np.asarray(actuator.displacement) * actuator.speed * pressure)
 
 
 def steady_temperature(actuator: Actuator) -> Floats:

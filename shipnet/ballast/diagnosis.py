@@ -93,8 +93,8 @@ class Run:
     @property
     def samples(self) -> dict[str, Floats]:
         """Readings by sensor name, and DVPos, each of shape (n_times, n_valves)."""
-        found = {channel.name: self.readings[:, k] for k, channel in enumerate(CHANNELS)}
-        return found | {"DVPos": self.DVPos}
+        readings = {channel.name: self.readings[:, k] for k, channel in enumerate(CHANNELS)}
+        return readings | {"DVPos": self.DVPos}
 
     def valve(self, valve: int) -> pd.DataFrame:
         """Return the columns of one valve, counted from 1, indexed by ``time_s``."""
@@ -116,19 +116,17 @@ class Run:
         ``FP_bar`` and ``MC_A`` and the maxima ``OP_max_bar`` and ``OT_max_degC``.
         """
         strokes = stroke_rows(self)
-        rows = np.full((len(strokes), 5), np.nan)
-        for row, moved in zip(rows, self.movements, strict=True):
-            first, last = np.searchsorted(self.time, [moved.start - 1e-9, moved.end + 1e-9])
-            if last - first < 1:
-                continue
-            seen = self.readings[first:last, :, moved.valve]
-            # The first reading after the run shows where the valve stopped.
-            place = self.readings[min(last, self.time.size - 1), 4, moved.valve]
-            row[0] = abs(place - seen[0, 4])
-            row[1:3] = np.median(seen[:, [0, 2]], axis=0)
-            row[3:5] = seen[:, [1, 3]].max(axis=0)
         names = ["travel_percent", "FP_bar", "MC_A", "OP_max_bar", "OT_max_degC"]
-        return strokes.join(pd.DataFrame(rows, columns=names))
+        strokes[names] = np.nan
+        for row, moved in enumerate(self.movements):
+            first, last = np.searchsorted(self.time, [moved.start - 1e-9, moved.end + 1e-9])
+            if first < last:
+                fp, op, mc, ot, place = self.readings[first:last, :, moved.valve].T
+                # The first reading after the run shows where the valve stopped.
+                end = self.readings[min(last, self.time.size - 1), 4, moved.valve]
+                travel = abs(end - place[0])
+                strokes.loc[row, names] = travel, np.median(fp), np.median(mc), op.max(), ot.max()
+        return strokes
 
     def diagnose(
         self,
@@ -152,25 +150,32 @@ class Run:
         ax = style.axes(ax)
         frame = self.valve(valve)
         ax.fill_between(
-            frame.index, 0, 1, where=frame["running"].to_numpy(), color="0.92", zorder=0,
-            step="post", linewidth=0, label="motor runs", transform=ax.get_xaxis_transform(),
-        )  # fmt: skip
+            frame.index,
+            0,
+            1,
+            where=frame["running"].to_numpy(),
+            color="0.92",
+            zorder=0,
+            step="post",
+            linewidth=0,
+            label="motor runs",
+            transform=ax.get_xaxis_transform(),
+        )
         looks = ("C0-", "C1--", "C2-.", "C3:", "C4-")
         for look, channel in zip(looks, CHANNELS, strict=True):
-            full = _FULL[channel.name]
-            said = "VPos"
-            if channel.name != "VPos":
-                said = f"{channel.name}, 100 % = {full:g} {channel.unit}"
-            ax.plot(frame.index, 100 * frame[channel.column] / full, look, label=said)
+            full, label = _FULL[channel.name], channel.name
+            if label != "VPos":
+                label = f"{channel.name}, 100 % = {full:g} {channel.unit}"
+            ax.plot(frame.index, 100 * frame[channel.column] / full, look, label=label)
         ax.set(xlabel="time [s]", ylabel="of full scale [%]")
         ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
         return ax
 
     def __repr__(self) -> str:
         span = f"{self.time[-1] - self.time[0]:g} s, " if self.time.size else ""
-        said = f"{self.n_valves} valve{'s' if self.n_valves != 1 else ''}"
+        valves = f"{self.n_valves} valve{'s' if self.n_valves != 1 else ''}"
         n = len(self.movements)
-        return f"Run({span}{said}, {n} motor run{'s' if n != 1 else ''})"
+        return f"Run({span}{valves}, {n} motor run{'s' if n != 1 else ''})"
 
 
 def stroke_rows(run: Run) -> pd.DataFrame:
@@ -220,30 +225,26 @@ class Tail(NamedTuple):
     active: Bools
 
 
-def rule_inputs(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Floats]:
-    """Return the values of the rules' variables; with `any_time`, DVPos is always `run.speed`."""
-    found = run.samples | {"Time": run.ran}
-    found["DVPos"] = run.speed if any_time else np.where(run.active, run.DVPos, np.nan)
-    unknown = [name for name in base.names if name not in found]
-    if unknown:
-        raise ArgumentError(f"rules use {', '.join(unknown)}; a run has {', '.join(found)}")
-    return {name: found[name] for name in base.names}
-
-
-def applicable(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Bools]:
-    """Return where the variables of a movement apply; elsewhere their values are not missing.
-
-    Without a reading of the motor current it is not known whether the valve moves.
-    """
+def rule_inputs(
+    run: Run, base: RuleBase, *, any_time: bool
+) -> tuple[dict[str, Floats], dict[str, Bools]]:
+    """Return the rules' variables, and where those of a movement apply (see `RuleBase.fire`)."""
+    values = run.samples | {"Time": run.ran}
+    # Without a reading of the motor current it is not known whether the valve moves.
     blind = np.isnan(run.readings[:, 2])
-    found = {
-        # At any time, the speed is evaluated as soon as the position has been read for a second.
-        "DVPos": ~np.isnan(run.speed) | np.isnan(run.readings[:, 4])
-        if any_time
-        else run.active & (run.ran >= WINDOW - 1e-9) | blind,
-        "Time": run.running | blind,
-    }
-    return {name: mask for name, mask in found.items() if name in base.names}
+    applies = {"Time": run.running | blind}
+    if any_time:
+        # The speed is evaluated as soon as the position has been read for a second.
+        values["DVPos"] = run.speed
+        applies["DVPos"] = ~np.isnan(run.speed) | np.isnan(run.readings[:, 4])
+    else:
+        values["DVPos"] = np.where(run.active, run.DVPos, np.nan)
+        applies["DVPos"] = run.active & (run.ran >= WINDOW - 1e-9) | blind
+    unknown = [name for name in base.names if name not in values]
+    if unknown:
+        raise ArgumentError(f"rules use {', '.join(unknown)}; a run has {', '.join(values)}")
+    values = {name: values[name] for name in base.names}
+    return values, {name: mask for name, mask in applies.items() if name in base.names}
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,19 +316,14 @@ class Diagnosis:
     def alarms(self) -> pd.DataFrame:
         """Return one row for every time a code becomes active, in order of time."""
         rows, valves, places = np.nonzero(self.onset)
-        return pd.DataFrame(
-            {
-                "time_s": self.time[rows],
-                "valve": valves + 1,
-                "code": np.array(self.base.codes, dtype=object)[places],
-                "top_fault": self.top[rows, valves],
-            }
-        )
+        codes, top = np.array(self.base.codes, dtype=object)[places], self.top[rows, valves]
+        columns = {"time_s": self.time[rows], "valve": valves + 1, "code": codes, "top_fault": top}
+        return pd.DataFrame(columns)
 
     def commands(self) -> pd.DataFrame:
         """Return one row per motor run: its diagnosis to 5 s after its end, or to the next run."""
         table = stroke_rows(self.run)[["valve", "action", "start_s", "end_s", "outcome"]].copy()
-        found = np.zeros((len(table), len(self.base.codes)), bool)
+        active = np.zeros((len(table), len(self.base.codes)), bool)
         doubtful, delay = np.zeros(len(table), bool), np.full(len(table), np.nan)
         for place, moved in enumerate(self.run.movements):
             first, ended, last = np.searchsorted(
@@ -338,17 +334,16 @@ class Diagnosis:
             seen = self.active[first:last, moved.valve]
             doubtful[place] = self.open[first:last, moved.valve].any()
             if seen.any():
-                found[place] = seen.any(axis=0)
+                active[place] = seen.any(axis=0)
                 delay[place] = self.time[first + seen.any(axis=1).argmax()] - moved.start
-        table["active"] = self.base.active_codes(found)
-        table["top_fault"] = self.base.top_codes(found, doubtful)
+        table["active"] = self.base.active_codes(active)
+        table["top_fault"] = self.base.top_codes(active, doubtful)
         table["delay_s"] = delay
         return table
 
     def firing(self, valve: int) -> Firing:
         """Return the firing strengths of all rules for one valve over time."""
-        k = self._place(valve)
-        return self._fire((slice(None), k))
+        return self._fire((slice(None), self._place(valve)))
 
     def explain(self, valve: int, time: float) -> str:
         """Return one sentence that explains the diagnosis of a valve at a time [s].
@@ -373,8 +368,8 @@ class Diagnosis:
 
     def n_alarms(self, valve: int, code: str | None = None) -> int:
         """Return how many times a code became active; None counts all codes."""
-        mine = self.onset[:, self._place(valve)]
-        return int(mine.sum() if code is None else mine[:, self._column(code)].sum())
+        new = self.onset[:, self._place(valve)]
+        return int(new.sum() if code is None else new[:, self._column(code)].sum())
 
     def plot(self, valve: int | None = None, ax: Axes | None = None) -> Axes:
         """Draw the greatest firing strength of each rule, and the diagnosis, as in Figure 13.
@@ -383,25 +378,23 @@ class Diagnosis:
         """
         if valve is None:
             valve = int((self._overall != NORMAL).argmax()) + 1
-        ax = style.axes(ax)
-        base = self.base
+        ax, base = style.axes(ax), self.base
         strength = self.firing(valve).strength.max(axis=0)
         active = np.any(self.active[:, self._place(valve)], axis=0)
-        colours = [style.LIMIT["color"] if on else "0.75" for on in active]
-        places = np.arange(len(base.codes))
-        ax.barh(places, strength, color=colours)
         names = [f"{rule.english or rule.flag} ({rule.code})" for rule in base.rules]
-        ax.set_yticks(places, names)
+        colours = [style.LIMIT["color"] if on else "0.75" for on in active]
+        ax.barh(names, strength, color=colours)
         ax.invert_yaxis()
         ax.axvline(self.threshold, color="0.3", linestyle=":", linewidth=1)
         ax.set(xlim=(0, 1.02), xlabel="greatest firing strength [-]")
-        found = [code for code in base.ranking if active[base.codes.index(code)]]
-        others = f", also {', '.join(found[1:])}" if found[1:] else ""
-        (top,) = base.top_codes(active[np.newaxis], self.open[:, self._place(valve)].any())
+        (codes,) = base.active_codes(active[np.newaxis])
+        others = f", also {', '.join(codes.split()[1:])}" if " " in codes else ""
+        top = self._overall[valve - 1]
         ax.set_title(
-            f"diagnosis of valve {valve}: {top}{others}", loc="left",
+            f"diagnosis of valve {valve}: {top}{others}",
+            loc="left",
             color="C2" if top == NORMAL else style.LIMIT["color"],
-        )  # fmt: skip
+        )
         return ax
 
     @property
@@ -411,15 +404,14 @@ class Diagnosis:
         return self.base.top_codes(active, self.open.any(axis=(0, 2)))
 
     def __repr__(self) -> str:
-        n, said = self.run.n_valves, self._overall
-        found = np.flatnonzero(said != NORMAL)
-        faults = ", ".join(f"valve {k + 1}: {said[k]}" for k in found[:3])
-        more = f" and {found.size - 3} more" if found.size > 3 else ""
+        n, top = self.run.n_valves, self._overall
+        faulty = np.flatnonzero(top != NORMAL)
+        faults = ", ".join(f"valve {k + 1}: {top[k]}" for k in faulty[:3])
+        more = f" and {faulty.size - 3} more" if faulty.size > 3 else ""
         return f"Diagnosis({n} valve{'s' if n != 1 else ''}, {faults or 'all normal'}{more})"
 
     def _fire(self, at: tuple[Any, int]) -> Firing:
-        given, applies = _at(at, self.samples), _at(at, self.applies)
-        return self.base.fire(given, self.method, applies=applies)
+        return self.base.fire(_at(at, self.samples), self.method, applies=_at(at, self.applies))
 
     def _place(self, valve: int) -> int:
         return check_whole("valve", valve, 1, self.run.n_valves) - 1
@@ -442,13 +434,12 @@ def diagnose_run(
     base = rules if rules is not None else rule_base()
     check_choice("method", method, METHODS)
     window = check_whole("n", n, 1, 1000)
-    own = rule_inputs(run, base, any_time=method == "crisp")
-    due = applicable(run, base, any_time=method == "crisp")
+    values, due = rule_inputs(run, base, any_time=method == "crisp")
     before = np.zeros((run.n_valves, len(base.rules)), bool)
-    samples, applies, kept = own, due, 0
+    samples, applies, kept = values, due, 0
     if earlier is not None:
         before = earlier.active
-        samples = {name: np.concatenate([earlier.samples[name], x]) for name, x in own.items()}
+        samples = {name: np.concatenate([earlier.samples[name], x]) for name, x in values.items()}
         applies = {name: np.concatenate([earlier.applies[name], x]) for name, x in due.items()}
         kept = len(earlier.samples[base.names[0]])
     n_times = run.time.size
@@ -471,7 +462,7 @@ def diagnose_run(
         {name: x.copy() for name, x in _at(last, applies).items()},
         active[-1].copy() if n_times else before,
     )
-    return Diagnosis(run, base, method, threshold, own, due, active, opened, before, tail)
+    return Diagnosis(run, base, method, threshold, values, due, active, opened, before, tail)
 
 
 def _at(rows: Any, columns: Mapping[str, npt.NDArray[Any]]) -> dict[str, Any]:
@@ -521,5 +512,5 @@ def diagnose(
     >>> diagnose(FP=100, OP=2, MC=1.2, OT=-400, VPos=50)
     Decision(undetermined: cannot exclude V2 O1; missing DVPos; out of range OT -400 degC)
     """
-    given: dict[str, Any] = {} if readings is None else dict(readings)
-    return rule_base().decide({**given, **values}, method, threshold=threshold)
+    several: dict[str, Any] = {} if readings is None else dict(readings)
+    return rule_base().decide({**several, **values}, method, threshold=threshold)

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from collections.abc import Iterator, Mapping
 from os import PathLike
 from pathlib import Path
 from socket import gethostname
@@ -90,8 +89,7 @@ class _History(NamedTuple):
     def at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return, for each time, the fault's index in `FAULTS` (-1 if none) and its severity."""
         starts, codes, severities = zip(*self.steps, strict=True)
-        known = list(FAULTS)
-        places = np.array([known.index(code) if code else -1 for code in codes])
+        places = np.array([list(FAULTS).index(code) if code else -1 for code in codes])
         now = np.searchsorted(starts, time + 1e-6, side="right") - 1
         return places[now], np.array(severities)[now]
 
@@ -129,31 +127,30 @@ def _days(
 
 def _written(block: _Block) -> dict[str, int]:
     """Write the files of a block that are not there yet, and return its counts."""
-    save = _Writer(block)
     # The file of the faults is written last, and carries the counts.
-    if (about := save.read("faults")) is not None:
-        return {**json.loads(about["counts"]), "bytes": save.size()}
+    if (about := _about(_file(block, "faults"), block.about)) is not None:
+        return {**json.loads(about["counts"]), "bytes": _size(block)}
     rng = np.random.default_rng(np.random.SeedSequence(block.seed, spawn_key=(block.number,)))
     history = [_History.drawn(block.days, block.faults_per_year, rng) for _ in range(block.valves)]
-    faults = [fault for valve, mine in enumerate(history, 1) for fault in mine.faults(valve)]
+    faults = [fault for valve, past in enumerate(history, 1) for fault in past.faults(valve)]
     system = spread_valves(block.valves, rng)
     first = BLOCK * block.number + 1
-    rows = [(first + k, *row) for k, mine in enumerate(history) for row in mine.rows]
+    rows = [(first + k, *row) for k, past in enumerate(history) for row in past.rows]
     truth = pd.DataFrame(rows, columns=["valve", "code", "start_s", "grows_days", "stop_s"])
     n_valves, categories = block.valves, ["", *FAULTS]
 
     def labelled(valve: np.ndarray, time: np.ndarray, columns: dict[str, Any]) -> pd.DataFrame:
         code, severity = np.empty(valve.size, int), np.empty(valve.size, np.float32)
         for k in range(n_valves):
-            mine = valve == k
-            code[mine], severity[mine] = history[k].at(time[mine])
+            rows = valve == k
+            code[rows], severity[rows] = history[k].at(time[rows])
         stamp = _EPOCH + np.rint(1000 * time).astype("m8[ms]")
         head = {"valve": (first + valve).astype(np.int32), "time": stamp}
         label = pd.Categorical.from_codes(code + 1, dtype=pd.CategoricalDtype(categories))
         return pd.DataFrame({**head, **columns, "label": label, "severity": severity})
 
     samples = strokes = 0
-    for day, run, found in _days(block, Plant(system, faults, rng), rng):
+    for day, run, diagnosis in _days(block, Plant(system, faults, rng), rng):
         folder = f"day={_EPOCH.astype('M8[D]') + day}"
         values = {
             channel.column: run.readings[:, k].T.ravel().astype(np.float32)
@@ -162,54 +159,49 @@ def _written(block: _Block) -> dict[str, int]:
         flags = {"running": run.running.T.ravel(), "active": run.active.T.ravel()}
         valve = np.repeat(np.arange(n_valves), run.time.size)
         table = labelled(valve, np.tile(run.time, n_valves), {**values, **flags})
-        save(table, "samples", folder)
-        moved = found.commands().sort_values(["valve", "start_s"])
-        words = {name: moved[name] for name in ("action", "outcome", "active", "top_fault")}
-        seconds = {"duration_s": moved["end_s"] - moved["start_s"], "delay_s": moved["delay_s"]}
-        columns = {name: column.to_numpy() for name, column in {**words, **seconds}.items()}
+        _save(block, table, "samples", folder)
+        moved = diagnosis.commands().sort_values(["valve", "start_s"])
+        moved = moved.assign(duration_s=moved["end_s"] - moved["start_s"])
+        names = ["action", "outcome", "active", "top_fault", "duration_s", "delay_s"]
+        columns = {name: moved[name].to_numpy() for name in names}
         place, start = moved["valve"].to_numpy(int) - 1, moved["start_s"].to_numpy(float)
-        save(labelled(place, start, columns), "strokes", folder)
+        _save(block, labelled(place, start, columns), "strokes", folder)
         samples, strokes = samples + len(table), strokes + len(moved)
-    counts = {
-        "block": block.number,
-        "valves": n_valves,
-        "faults": len(truth),
-        "samples": samples,
-        "strokes": strokes,
-    }
+    counts = {"block": block.number, "valves": n_valves, "faults": len(truth)}
+    counts |= {"samples": samples, "strokes": strokes}
     truth = truth.astype({"valve": "int32", "code": "object"})
-    save(truth, "faults", counts=json.dumps(counts))
-    return {**counts, "bytes": save.size()}
+    _save(block, truth, "faults", counts=json.dumps(counts))
+    return {**counts, "bytes": _size(block)}
 
 
-class _Writer:
-    """Writes each table of a block to a file that is marked as synthetic, unless it is there."""
+def _file(block: _Block, *folders: str) -> Path:
+    return Path(block.folder).joinpath(*folders, f"block-{block.number:04d}.parquet")
 
-    def __init__(self, block: _Block) -> None:
-        self._arrow = load_extra("pyarrow", "pyarrow")
-        self._parquet = load_extra("pyarrow.parquet", "pyarrow")
-        self._folder, self._about = Path(block.folder), block.about
-        self._name = f"block-{block.number:04d}.parquet"
 
-    def read(self, *folders: str) -> dict[str, str] | None:
-        """Return what a complete file says about itself, or None if there is no such file."""
-        return _about(self._folder.joinpath(*folders, self._name), self._about)
+def _size(block: _Block) -> int:
+    """Return the number of bytes of all files of the block."""
+    return sum(f.stat().st_size for f in Path(block.folder).rglob(_file(block).name))
 
-    def size(self) -> int:
-        """Return the number of bytes of all files of the block."""
-        return sum(file.stat().st_size for file in self._folder.rglob(self._name))
 
-    def __call__(self, table: pd.DataFrame, *folders: str, **more: str) -> None:
-        if self.read(*folders) is not None:
-            return
-        made = self._arrow.Table.from_pandas(table, preserve_index=False)
-        made = made.replace_schema_metadata({**made.schema.metadata, **self._about, **more})
-        # The intervals between times have few distinct values, and so do the other columns.
-        others = [name for name in made.column_names if name != "time"]
-        steps = {"time": "DELTA_BINARY_PACKED"} if "time" in made.column_names else None
-        write = partial(self._parquet.write_table, made, compression="zstd")
-        write = partial(write, use_dictionary=others, column_encoding=steps)
-        save_whole(self._folder.joinpath(*folders, self._name), write)
+def _save(block: _Block, table: pd.DataFrame, *folders: str, **more: str) -> None:
+    """Write a table to a file that is marked as synthetic, unless it is there."""
+    file = _file(block, *folders)
+    if _about(file, block.about) is not None:
+        return
+    made = load_extra("pyarrow", "pyarrow").Table.from_pandas(table, preserve_index=False)
+    made = made.replace_schema_metadata({**made.schema.metadata, **block.about, **more})
+    # The intervals between times have few distinct values, and so do the other columns.
+    others = [name for name in made.column_names if name != "time"]
+    steps = {"time": "DELTA_BINARY_PACKED"} if "time" in made.column_names else None
+    # The file is renamed when it is complete, so that no reader sees a partial file.
+    file.parent.mkdir(parents=True, exist_ok=True)
+    partial = file.with_name(f".{file.name}.{gethostname()}.{os.getpid()}")
+    load_extra("pyarrow.parquet", "pyarrow").write_table(
+        made, partial, compression="zstd", use_dictionary=others, column_encoding=steps
+    )
+    with partial.open("rb+") as stream:
+        os.fsync(stream.fileno())
+    partial.replace(file)
 
 
 def _about(file: Path, expected: Mapping[str, str]) -> dict[str, str] | None:
@@ -228,16 +220,6 @@ def _about(file: Path, expected: Mapping[str, str]) -> dict[str, str] | None:
                 "empty folder",
             )
     return about
-
-
-def save_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a temporary file, and rename it, so that no reader sees a partial file."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{gethostname()}.{os.getpid()}")
-    write(temporary)
-    with temporary.open("rb+") as file:
-        os.fsync(file.fileno())
-    temporary.replace(path)
 
 
 def write_fleet(
@@ -318,14 +300,8 @@ def write_fleet(
     times = check_whole("strokes", strokes, 0, 100)
     idle = check_scalar("idle_step", idle_step, "s", 1, 3600)
     source = check_whole("seed", seed, 0, 2**63 - 1)
-    settings = {
-        "valves": count,
-        "days": lasts,
-        "faults_per_year": rate,
-        "strokes": times,
-        "idle_step": idle,
-        "seed": source,
-    }
+    settings = {"valves": count, "days": lasts, "faults_per_year": rate, "strokes": times}
+    settings |= {"idle_step": idle, "seed": source}
     about = {"synthetic": BASIS, "made_by": f"shipnet {__version__}"}
     about |= {name: str(value) for name, value in settings.items()}
     try:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import cos, pi
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from shipnet.ballast.scan import READ_STATUS, System, status_poll
 from shipnet.ballast.slave import ValveDevice, ValveRegisters, valve_slaves
 from shipnet.errors import FrameError
 from shipnet.fields import check_choice, check_rng, check_scalar, check_whole
-from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.terms import NORMAL, UNDETERMINED
 from shipnet.lazy import pd
 from shipnet.modbus.frame import MAX_UNIT
@@ -66,11 +65,9 @@ def gateway(station: Station) -> dict[int, Slave]:
 #: Number of slaves in Figure 15, the slave with the tank, and the slave with the fault simulator.
 N_SLAVES, _TANK, _SIMULATOR = 5, 3, 5
 
-#: Time within which a healthy valve opens or closes [s]; row 0 of the rule table.
-_STROKE = 10.0
-
-#: Time for which a valve is observed after its stroke [s], and the tolerance of a position [%].
-_SETTLE, _NEAR = 5.0, 1.5
+#: Time within which a healthy valve opens or closes [s], row 0 of the rule table; time for which it
+#: is observed afterwards [s]; and the tolerance of a position [%].
+_STROKE, _SETTLE, _NEAR = 10.0, 5.0, 1.5
 
 #: Faults that appear at the closed end: the test closes the valve instead of opening it.
 _CLOSING = ("S2", "Pos2", "Pos4")
@@ -122,8 +119,9 @@ class TestBed:
         bit_rate: float = 9600.0,
         rng: Any = None,
     ) -> None:
-        codes = [] if fault is None else [check_choice("fault", fault, FAULTS)]
-        faults = [Fault(code, valves=_SIMULATOR) for code in codes]
+        faults = []
+        if fault is not None:
+            faults = [Fault(check_choice("fault", fault, FAULTS), valves=_SIMULATOR)]
         system = System(N_SLAVES, status_poll(bit_rate), opening=opening)
         self.plant = Plant(system, faults, rng)
         self.station = Station(self.plant)
@@ -213,8 +211,9 @@ def acceptance_tests(*, bit_rate: float = 9600.0, rng: Any = None) -> pd.DataFra
     """
     noise = None if rng is None else check_rng(rng)
     make = partial(TestBed, bit_rate=bit_rate, rng=noise)
-    tests = {"manual": _manual, "remote": _remote, "PC": _pc, "diagnosis": _diagnosis}
+    tests = {"manual": _manual, "remote": _remote, "PC": _pc}
     rows = [(name, *step) for name, test in tests.items() for step in test(make)]
+    rows += [("diagnosis", *step) for code in (None, *FAULTS) for step in _diagnosis(make, code)]
     return pd.DataFrame(rows, columns=["test", *Step._fields])
 
 
@@ -264,33 +263,28 @@ def _pc(make: Callable[..., TestBed]) -> Iterator[Step]:
         pdu = answer(bed.gateway, Adu(unit, request.pdu), bed.time).pdu
         return Adu(unit, pdu, transaction_id=unit).tcp
 
-    def write(code: Code) -> Request:
-        return Request.write_single_register(COMMAND_REGISTER, registers.command(code))
-
+    opening, closing = (
+        Request.write_single_register(COMMAND_REGISTER, registers.command(code))
+        for code in (Code.OPEN, Code.CLOSE)
+    )
     for unit in range(1, N_SLAVES + 1):
-        echo = ask(unit, write(Code.OPEN))
-        sent = write(Code.OPEN).tcp(unit, unit)
+        sent, echo = opening.tcp(unit, unit), ask(unit, opening)
         yield _same(f"command S{unit} to open", sent.hex(), echo.hex())
         bed.wait(_STROKE)
         yield _at(f"S{unit} open", float(ask(unit, READ_STATUS)[9]), 100)
     level = bed.level
-    ask(_TANK, write(Code.CLOSE))
+    ask(_TANK, closing)
     bed.wait(_STROKE + _SETTLE)
     full = bed.level
     bed.wait(_SETTLE)
-    found = f"{'rose' if full > level > 0 else 'did not rise'}, " + (
+    result = f"{'rose' if full > level > 0 else 'did not rise'}, " + (
         "then held" if bed.level == full else "then did not hold"
     )
-    yield _same("tank of S3 after closing", "rose, then held", found)
+    yield _same("tank of S3 after closing", "rose, then held", result)
 
 
-def _diagnosis(make: Callable[..., TestBed]) -> Iterator[Step]:
-    """Imitate each fault with the simulator, move the valve, and check the reported codes."""
-    for code in (None, *FAULTS):
-        yield from _diagnosis_of(make, code)
-
-
-def _diagnosis_of(make: Callable[..., TestBed], code: str | None) -> Iterator[Step]:
+def _diagnosis(make: Callable[..., TestBed], code: str | None) -> Iterator[Step]:
+    """Imitate a fault with the simulator, move the valve, and check the reported codes."""
     closing = code in _CLOSING
     bed = make(fault=code, opening=float(closing))
     bed.wait(1.0)
@@ -301,25 +295,23 @@ def _diagnosis_of(make: Callable[..., TestBed], code: str | None) -> Iterator[St
     bed.wait(_SETTLE)
     diagnosis = diagnose_run(bed.run)
     base, active = diagnosis.base, diagnosis.active[:, _SIMULATOR - 1]
-    found = [name for name in base.ranking if active[:, base.codes.index(name)].any()]
+    (codes,) = base.active_codes(np.any(active, axis=0, keepdims=True))
     expected = code or NORMAL
     calm = (diagnosis.top[:, _SIMULATOR - 1] == NORMAL).all()
-    said = " ".join(found) or (NORMAL if calm else UNDETERMINED)
+    reported = codes or (NORMAL if calm else UNDETERMINED)
     step = f"{FAULTS[code][0]} ({code})" if code else "nothing wrong"
-    yield Step(step, expected, said, expected in said.split())
-    # The slave also diagnoses its own valve, and reports one row of the rule table.
+    yield Step(step, expected, reported, expected in reported.split())
+    # The slave also diagnoses its own valve, and reports one row of the rule table: that of the
+    # fault, or of a rule that fires only if the fault's rule fires.
     seen = bed.screen()[_SIMULATOR]
     shown = f"fault {seen['fault']}" if seen["state"] == "fault" else str(seen["state"])
-    right = [f"fault {row}" for row in _rows(base, code)] if code else ["open"]
+    right = ["open"]
+    if code:
+        terms = set(base.rule(code).antecedent)
+        nested = [rule.code for rule in base.rules if terms < set(rule.antecedent)]
+        right = [f"fault {base.codes.index(name) + 1}" for name in (code, *nested)]
     step = f"screen with {code or 'nothing wrong'}"
     yield Step(step, " or ".join(right), shown, shown in right)
-
-
-def _rows(base: RuleBase, code: str) -> list[int]:
-    """Return the row of a code, then the rows of the rules that fire only if its rule fires."""
-    own = set(base.rule(code).antecedent)
-    rows = [row for row, rule in enumerate(base.rules, 1) if own <= set(rule.antecedent)]
-    return sorted(rows, key=lambda row: base.codes[row - 1] != code)
 
 
 def _same(step: str, expected: str, found: str) -> Step:
@@ -381,12 +373,6 @@ def serve(
     return serve_slaves(valve_slaves(plant), clock=real_clock(factor), **options)
 
 
-#: A function that takes a unit id and a request and returns the response, such as a `Link`.
-Ask: TypeAlias = Callable[[int, Request], Response]
-
-_MBAP = 7
-
-
 class Link:
     """A connection to a server, called with a unit id and a request."""
 
@@ -403,9 +389,8 @@ class Link:
         try:
             self._socket.sendall(request.tcp(unit, self._last))
             while True:
-                head = self._receive(_MBAP)
-                body = self._receive(int.from_bytes(head[4:6], "big") - 1)
-                adu = decode(head + body, "tcp")
+                head = self._receive(7)
+                adu = decode(head + self._receive(int.from_bytes(head[4:6], "big") - 1), "tcp")
                 # A late response to an earlier request, which timed out, is skipped.
                 if adu.transaction_id == self._last:
                     return Response.parse(adu.pdu, request)
@@ -413,13 +398,13 @@ class Link:
             raise OSError(f"{self.where} does not answer for valve {unit}: {problem}") from None
 
     def _receive(self, size: int) -> bytes:
-        got = b""
-        while len(got) < size:
-            more = self._socket.recv(size - len(got))
+        received = b""
+        while len(received) < size:
+            more = self._socket.recv(size - len(received))
             if not more:
                 raise OSError("the connection was closed")
-            got += more
-        return got
+            received += more
+        return received
 
     def close(self) -> None:
         """Close the connection."""
@@ -503,10 +488,10 @@ class Client:
         self.n_valves = check_whole("n_valves", n_valves, 1, MAX_UNIT)
         number = check_whole("port", port, 0, 65535)
         wait = check_scalar("timeout", timeout, "s", 1e-3, 3600)
-        self._ask: Ask = Link(address, number, wait)
+        self._ask: Callable[[int, Request], Response] = Link(address, number, wait)
 
     @classmethod
-    def over(cls, ask: Ask, n_valves: int = 16) -> Client:
+    def over(cls, ask: Callable[[int, Request], Response], n_valves: int = 16) -> Client:
         """Return a client that sends its requests through `ask`, such as `ModelValves`."""
         client = cls.__new__(cls)
         client.n_valves = check_whole("n_valves", n_valves, 1, MAX_UNIT)
@@ -537,20 +522,16 @@ class Client:
         if response.exception is not None:
             why = ExceptionCode(response.exception).name.replace("_", " ").lower()
             return f"valve {unit} refuses: {why}"
-        said = action if isinstance(action, str) else f"position {round(action)} %"
-        return f"valve {unit}: {said}"
+        accepted = action if isinstance(action, str) else f"position {round(action)} %"
+        return f"valve {unit}: {accepted}"
 
     def read(self) -> Readout:
         """Read all valves; a valve that responds with an exception gets no values."""
-        words, units = [], []
-        for unit in range(1, self.n_valves + 1):
-            response = self._ask(unit, READ_STATUS)
-            if response.exception is None:
-                words.append(response.registers)
-                units.append(unit)
-        status = RegisterMap().decode(np.array(words, np.int64).reshape(-1, 4))
         valves = pd.RangeIndex(1, self.n_valves + 1, name="valve")
-        return Readout(status.table().set_axis(units).reindex(valves))
+        responses = {valve: self._ask(valve, READ_STATUS) for valve in valves}
+        words = {k: answer.registers for k, answer in responses.items() if answer.exception is None}
+        status = RegisterMap().decode(np.array(list(words.values()), np.int64).reshape(-1, 4))
+        return Readout(status.table().set_axis(list(words)).reindex(valves))
 
     def screen(self) -> Screen:
         """Read all valves and return them as the master would show them."""

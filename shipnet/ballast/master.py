@@ -39,9 +39,14 @@ STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open"
 
 #: Colour of each state on the screen, in the order of the legend.
 STATE_COLOURS = {
-    "open": "C2", "closed": "C0", "part open": "C9", "moving": "C1",
-    "fault": style.LIMIT["color"], "silent": "0.35", "not seen": "0.8",
-}  # fmt: skip
+    "open": "C2",
+    "closed": "C0",
+    "part open": "C9",
+    "moving": "C1",
+    "fault": style.LIMIT["color"],
+    "silent": "0.35",
+    "not seen": "0.8",
+}
 
 #: Hatches of states that an operator must notice even without colours.
 _HATCHES = {"fault": "xxxx", "silent": "...."}
@@ -117,13 +122,19 @@ class Screen:
         position = rows["VPos_percent"].to_numpy()
         fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
         conditions = [
-            silent, np.isnan(position), fault > 0, rows["MC_A"].to_numpy() >= LEAST_CURRENT,
-            position >= 100 - _END, position <= _END,
-        ]  # fmt: skip
+            silent,
+            np.isnan(position),
+            fault > 0,
+            rows["MC_A"].to_numpy() >= LEAST_CURRENT,
+            position >= 100 - _END,
+            position <= _END,
+        ]
         columns = {
-            "position_percent": position, "age_s": age, "fault": fault,
+            "position_percent": position,
+            "age_s": age,
+            "fault": fault,
             "state": np.select(conditions, STATES[:-1], STATES[-1]),
-        }  # fmt: skip
+        }
         index = pd.RangeIndex(1, position.size + 1, name="valve")
         return cls(pd.DataFrame(columns, index=index), time)
 
@@ -137,8 +148,8 @@ class Screen:
 
     def __repr__(self) -> str:
         counts = self.shown["state"].value_counts()
-        said = ", ".join(f"{counts[name]} {name}" for name in STATES if name in counts)
-        return f"Screen({self.time:.1f} s: {said})"
+        states = ", ".join(f"{counts[name]} {name}" for name in STATES if name in counts)
+        return f"Screen({self.time:.1f} s: {states})"
 
     def plot(
         self, selected: int | None = None, ax: Axes | None = None, *, columns: int = 32
@@ -158,9 +169,15 @@ class Screen:
         position, framed = self.shown["position_percent"].to_numpy(float), units == selected
         states = self.shown["state"].tolist()
         ax.bar(
-            x, 0.62, 0.84, y, color="0.94", edgecolor="0.6", linewidth=0.5,
+            x,
+            0.62,
+            0.84,
+            y,
+            color="0.94",
+            edgecolor="0.6",
+            linewidth=0.5,
             hatch=[_HATCHES.get(state, "") for state in states],
-        )  # fmt: skip
+        )
         part = 0.62 * np.clip(np.nan_to_num(position), 0, 100) / 100
         # A closed valve still shows a strip of colour.
         ax.bar(x, np.maximum(part, 0.05), 0.84, y, color=[STATE_COLOURS[state] for state in states])
@@ -182,9 +199,13 @@ class Screen:
         present = [state for state in STATE_COLOURS if state in states]
         for state in present:
             ax.fill_between(
-                [], [], facecolor=STATE_COLOURS[state], edgecolor="0.9",
-                hatch=_HATCHES.get(state), label=state,
-            )  # fmt: skip
+                [],
+                [],
+                facecolor=STATE_COLOURS[state],
+                edgecolor="0.9",
+                hatch=_HATCHES.get(state),
+                label=state,
+            )
         ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=len(present))
         return ax
 
@@ -221,9 +242,8 @@ class MasterRun:
     @cached_property
     def answers(self) -> pd.DataFrame:
         """One row per status: ``unit``, ``read_s``, ``shown_s``, readings, flags, ``fault``."""
-        rows = [(status.unit, status.read, status.time) for status in self.shown]
-        table = pd.DataFrame(rows, columns=["unit", "read_s", "shown_s"])
-        words = np.array([s.registers for s in self.shown], np.int64).reshape(-1, 4)
+        table = pd.DataFrame(self.shown, columns=["unit", "read_s", "shown_s", "registers"])
+        words = np.array(table.pop("registers").tolist(), np.int64).reshape(-1, 4)
         status = self.registers.decode(words).table()
         return table.astype({"unit": int, "read_s": float, "shown_s": float}).join(status)
 
@@ -267,8 +287,7 @@ class MasterRun:
         for write in self.writes:
             if write.unit == unit and write.outcome == "done":
                 code, position = self.registers.decode_command(write.value)
-                ends = {Code.OPEN: 100.0, Code.CLOSE: 0.0}
-                target = ends.get(code, float(position))
+                target = {Code.OPEN: 100.0, Code.CLOSE: 0.0}.get(code, float(position))
         rows = self.answers[self.answers["unit"] == unit]
         if rows.empty:
             raise ArgumentError(f"valve is {unit}; no status was received from it")
@@ -293,25 +312,19 @@ class MasterRun:
     def _last(self, times: Floats) -> Integers:
         """Return the index of the status shown for each valve; ``len(shown)`` if there is none."""
         unit, shown = (self.answers[name].to_numpy() for name in ("unit", "shown_s"))
-        found = np.full((times.size, self.n_valves), len(self.shown))
+        last = np.full((times.size, self.n_valves), len(self.shown))
         for k in range(self.n_valves):
-            mine = np.flatnonzero(unit == k + 1)
-            place = np.searchsorted(shown[mine], times, side="right") - 1
-            there = place >= 0
-            found[there, k] = mine[place[there]]
-        return found
+            rows = np.flatnonzero(unit == k + 1)
+            place = np.searchsorted(shown[rows], times, side="right") - 1
+            last[place >= 0, k] = rows[place[place >= 0]]
+        return last
 
     def _silent(self, time: float) -> Bools:
         silent = np.zeros(self.n_valves, bool)
-        spent = (self.poll.unanswered_time, self.poll.time)
-        ended = (t for t in reversed(self.tries) if t[0] + spent[t[4]] <= time + 1e-9)
-        unknown = set(range(self.n_valves))
-        for _, slave, _, _, answered in ended:
-            if slave in unknown:
+        took = (self.poll.unanswered_time, self.poll.time)
+        for start, slave, _, _, answered in self.tries:
+            if start + took[answered] <= time + 1e-9:
                 silent[slave] = not answered
-                unknown.remove(slave)
-                if not unknown:
-                    break
         return silent
 
 
@@ -337,9 +350,14 @@ class Station(Master):
     def seen(self) -> MasterRun:
         """The run so far, from the statuses that the master received."""
         return MasterRun(
-            self.n, self.rule.poll, self.registers, self.time, list(self.shown),
-            list(self.writes), list(self.tries),
-        )  # fmt: skip
+            self.n,
+            self.rule.poll,
+            self.registers,
+            self.time,
+            list(self.shown),
+            list(self.writes),
+            list(self.tries),
+        )
 
     def run_until(self, time: float) -> None:
         """Continue the scan; the last transaction that begins before `time` is completed."""
@@ -420,36 +438,35 @@ def scan_fleet(
     """Simulate a system's valves and its masters, among which the valves are divided."""
     shares = system.valve_addresses()["master"].value_counts(sort=False).tolist()
     orders, several = list(commands), list(faults)
-    own = [fault for fault in several if isinstance(fault, ValveFault)]
-    cuts = [fault for fault in several if not isinstance(fault, ValveFault)]
+    of_valves = [fault for fault in several if isinstance(fault, ValveFault)]
+    of_line = [fault for fault in several if not isinstance(fault, ValveFault)]
     if len(shares) > 1 and (several or system.actuator.n_valves or np.ndim(system.opening)):
         raise ArgumentError(
             f"n_valves is {system.n_valves}; with faults, or an actuator or opening per valve, "
             f"only one master is simulated, so it must be 1..{MAX_UNIT}"
         )
-    known = [command.mask(system.n_valves) for command in orders]
+    masks = [command.mask(system.n_valves) for command in orders]
     noise = None if rng is None else check_rng(rng)
-    parts, first = [], 0
+    runs: list[MasterRun] = []
+    shown, writes, tries = list[Shown](), list[Write](), list[Try]()
     for share in shares:
-        mine = [
-            replace(order, valves=[int(k) + 1 for k in np.flatnonzero(mask[first : first + share])])
-            for order, mask in zip(orders, known, strict=True)
-            if mask[first : first + share].any()
+        first = sum(run.n_valves for run in runs)
+        meant = [np.flatnonzero(mask[first : first + share]) + 1 for mask in masks]
+        due = [
+            replace(order, valves=valves.tolist())
+            for order, valves in zip(orders, meant, strict=True)
+            if valves.size
         ]
-        plant = Plant(replace(system, n_valves=share), own, noise)
-        parts.append(operate(plant, mine, until=until, faults=cuts))
-        first += share
-    if len(parts) == 1:
-        return parts[0]
-    offsets = np.cumsum([0, *shares[:-1]]).tolist()
-    pairs = list(zip(parts, offsets, strict=True))
-    shown = [one._replace(unit=one.unit + k) for part, k in pairs for one in part.shown]
-    writes = [one._replace(unit=one.unit + k) for part, k in pairs for one in part.writes]
-    tries = [(one[0], one[1] + k, *one[2:]) for part, k in pairs for one in part.tries]
-    whole = replace(parts[0], n_valves=system.n_valves, duration=max(p.duration for p in parts))
+        plant = Plant(replace(system, n_valves=share), of_valves, noise)
+        runs.append(run := operate(plant, due, until=until, faults=of_line))
+        shown += [status._replace(unit=status.unit + first) for status in run.shown]
+        writes += [write._replace(unit=write.unit + first) for write in run.writes]
+        tries += [(attempt[0], attempt[1] + first, *attempt[2:]) for attempt in run.tries]
     return replace(
-        whole,
-        shown=sorted(shown, key=lambda one: one.time),
-        writes=sorted(writes, key=lambda one: one.time),
+        runs[0],
+        n_valves=system.n_valves,
+        duration=max(run.duration for run in runs),
+        shown=sorted(shown, key=lambda status: status.time),
+        writes=sorted(writes, key=lambda write: write.time),
         tries=sorted(tries),
     )

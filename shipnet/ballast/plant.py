@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Bools, Floats
+from shipnet.arrays import Bools, Floats, Indices
 from shipnet.ballast.actuator import (
     Actuator,
     Hydraulics,
@@ -24,7 +24,7 @@ from shipnet.ballast.actuator import (
     losses,
     motor_current,
     steady_temperature,
-)  # fmt: skip
+)
 from shipnet.ballast.registers import check_action
 from shipnet.ballast.scan import System, as_system
 from shipnet.ballast.sensors import CHANNELS
@@ -39,7 +39,7 @@ from shipnet.fields import (
     choice,
     number,
     record,
-)  # fmt: skip
+)
 
 #: The commands other than a position.
 ACTIONS = ("open", "close", "stop")
@@ -54,18 +54,18 @@ DEAD_BAND = 0.5
 _OT, _VPOS = 3, 4
 
 
-def _numbers(valves: int | Iterable[int] | None) -> tuple[int, ...] | None:
+def _numbers(valves: int | Iterable[int] | None, n_valves: int = 10_000) -> tuple[int, ...] | None:
     """Return one or more valve numbers as a tuple; None, for all valves, is returned unchanged."""
     if valves is None:
         return None
     many = valves if isinstance(valves, Iterable) else (valves,)
-    return tuple(check_whole("one of valves", valve, 1, 10_000) for valve in many)
+    return tuple(check_whole("one of valves", valve, 1, n_valves) for valve in many)
 
 
-def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
+def _places(valves: int | Iterable[int] | None, n_valves: int) -> Indices:
     """Return the indices, counted from 0, of the given valves; None means all `n_valves`."""
-    known = range(1, n_valves + 1) if valves is None else _numbers(valves) or ()
-    return [check_whole("one of valves", valve, 1, n_valves) - 1 for valve in known]
+    numbers = _numbers(valves, n_valves)
+    return np.arange(n_valves) if numbers is None else np.array(numbers, np.intp) - 1
 
 
 @record
@@ -105,9 +105,7 @@ class Command:
     def mask(self, n_valves: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return a mask of the commanded valves among `n_valves`, valve 1 first."""
         count = check_whole("n_valves", n_valves, 1, 10_000)
-        meant = np.zeros(count, bool)
-        meant[_places(self.valves, count)] = True
-        return meant
+        return np.isin(np.arange(count), _places(self.valves, count))
 
     @classmethod
     def random(
@@ -155,40 +153,31 @@ _LAWS = {
 }
 
 
-class Change(NamedTuple):
-    """The effect of a fault on one parameter or reading."""
-
-    target: str
-    law: str
-    value: float
-
-
-#: Meaning of each fault and the changes that it causes, by its code in the rule table.
-FAULTS: dict[str, tuple[str, tuple[Change, ...]]] = {
-    "G1": ("pressure gauge reads too high", (Change("FP", "added", 125.0),)),
+#: Meaning of each fault by its code in the rule table, and the changes that it causes: the
+#: parameter or reading, the law, and its value.
+FAULTS: dict[str, tuple[str, tuple[tuple[str, str, float], ...]]] = {
+    "G1": ("pressure gauge reads too high", (("FP", "added", 125.0),)),
     "P1": (
         "discharge blocked and pump seizing",
-        (Change("restrictor", "linear", 0.02), Change("friction", "added", 10.6)),
+        (("restrictor", "linear", 0.02), ("friction", "added", 10.6)),
     ),
-    "P2": ("pump leaks inside", (Change("pump_leak", "power", 821.0),)),
-    "V1": ("valve stuck", (Change("bearing_torque", "stuck", np.inf),)),
-    "V2": ("piston leaks", (Change("piston_leak", "power", 6000.0),)),
-    "O1": ("motor no longer cooled", (Change("cooling", "linear", 0.1),)),
-    "S1": ("position reads too high, cylinder vented", (Change("VPos", "added", 5.0),)),
-    "S2": ("position reads too low, cylinder vented", (Change("VPos", "added", -5.0),)),
+    "P2": ("pump leaks inside", (("pump_leak", "power", 821.0),)),
+    "V1": ("valve stuck", (("bearing_torque", "stuck", np.inf),)),
+    "V2": ("piston leaks", (("piston_leak", "power", 6000.0),)),
+    "O1": ("motor no longer cooled", (("cooling", "linear", 0.1),)),
+    "S1": ("position reads too high, cylinder vented", (("VPos", "added", 5.0),)),
+    "S2": ("position reads too low, cylinder vented", (("VPos", "added", -5.0),)),
     "Pos1": (
         "position reads too high, pressure trapped",
-        (Change("VPos", "added", 5.0), Change("trapped", "added", 1.0)),
+        (("VPos", "added", 5.0), ("trapped", "added", 1.0)),
     ),
     "Pos2": (
         "position reads too low, pressure trapped",
-        (Change("VPos", "added", -5.0), Change("trapped", "added", 1.0)),
+        (("VPos", "added", -5.0), ("trapped", "added", 1.0)),
     ),
-    "Pos3": ("position reads far too high", (Change("VPos", "added", 15.0),)),
-    "Pos4": ("position reads far too low", (Change("VPos", "added", -15.0),)),
+    "Pos3": ("position reads far too high", (("VPos", "added", 15.0),)),
+    "Pos4": ("position reads far too low", (("VPos", "added", -15.0),)),
 }
-
-_SENSORS = {channel.name: place for place, channel in enumerate(CHANNELS)}
 
 
 @record
@@ -208,9 +197,13 @@ class Fault(TimedFault):
 
     code: str = choice(tuple(FAULTS), "Code in the rule table")
     severity: float | Floats = number(
-        0, 1, "", "0 is healthy; an array has one value for each of `valves`", default=1.0,
+        0,
+        1,
+        "",
+        "0 is healthy; an array has one value for each of `valves`",
+        default=1.0,
         many=True,
-    )  # fmt: skip
+    )
     valves: int | Iterable[int] | None = None
 
     def __post_init__(self) -> None:
@@ -220,13 +213,14 @@ class Fault(TimedFault):
     def severities(self, n_valves: int) -> Floats:
         """Return the severity for each valve, shape (n_valves,)."""
         count = check_whole("n_valves", n_valves, 1, 10_000)
-        mine = _places(self.valves, count)
-        if np.ndim(self.severity) and np.size(self.severity) != len(mine):
-            size = np.size(self.severity)
-            raise ArgumentError(f"severity of {self.code} has {size} values for {len(mine)} valves")
-        found = np.zeros(count)
-        found[mine] = self.severity
-        return found
+        places, size = _places(self.valves, count), np.size(self.severity)
+        if np.ndim(self.severity) and size != len(places):
+            raise ArgumentError(
+                f"severity of {self.code} has {size} values for {len(places)} valves"
+            )
+        severities = np.zeros(count)
+        severities[places] = self.severity
+        return severities
 
     @classmethod
     def parse(cls, fault: str, n_valves: int = 247) -> Fault:
@@ -280,14 +274,14 @@ class Fault(TimedFault):
 
 def faulty(actuator: Actuator, faults: Iterable[Fault], n_valves: int) -> tuple[Actuator, Floats]:
     """Return the actuator with the faults applied, and the sensor offsets, shape (5, n_valves)."""
-    n = check_whole("n_valves", n_valves, 1, 10_000)
-    offsets = np.zeros((len(CHANNELS), n))
+    sensors = [channel.name for channel in CHANNELS]
+    offsets = np.zeros((len(sensors), n_valves))
     numbers: dict[str, Any] = {}
     for fault in faults:
-        severity = fault.severities(n)
+        severity = fault.severities(n_valves)
         for target, law, value in FAULTS[fault.code][1]:
-            if target in _SENSORS:
-                offsets[_SENSORS[target]] += value * severity
+            if target in sensors:
+                offsets[sensors.index(target)] += value * severity
                 continue
             number = numbers.get(target, getattr(actuator, target))
             with np.errstate(divide="ignore"):

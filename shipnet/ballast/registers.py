@@ -99,16 +99,10 @@ _TIME_STEP = 0.1
 #: Step of each reading, shape (5, 1).
 _STEPS = np.array([[scale.step] for scale in SCALES])
 
-#: Largest number of steps, and value sent for NaN, for each reading and the operating time.
-_HIGHEST = {last: np.array([[HIGHEST]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
-_MISSING = {last: np.array([[MISSING]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
-
 #: The amount that one step of each reading, and of the operating time, adds to each register.
 _PLACES = np.zeros((N_REGISTERS, len(SCALES) + 1), np.int64)
-
 for _k, _scale in enumerate(SCALES):
     _PLACES[_scale.register - FIRST_REGISTER, _k] = 1 << _scale.shift
-
 _PLACES[1, -1] = 1
 
 
@@ -155,8 +149,9 @@ class RegisterMap:
         "Bits of Manual, Auto, Close and Open in 0x4020: Bit2 to Bit5 as in table 3, or Bit0 to "
         "Bit3 as in the response of table 2. Neither table prints the place of the fault number. "
         "With table 3 it is the high byte of 0x4021, and the operating time is the low byte; "
-        "with table 2 it is Bit4 to Bit7, and the time fills 0x4021", default="table 3",
-    )  # fmt: skip
+        "with table 2 it is Bit4 to Bit7, and the time fills 0x4021",
+        default="table 3",
+    )
 
     def encode(
         self,
@@ -175,10 +170,11 @@ class RegisterMap:
         row = check_whole("fault", fault, 0, 12)
         lasted = check_scalar("operating_time", operating_time, "s", 0, 1e9)
         in_status = self.status == "table 2"
-        steps = np.empty((len(SCALES) + 1, values.shape[1]))
-        steps[:-1], steps[-1] = values / _STEPS, lasted / _TIME_STEP
-        longest = 0xFFFF if in_status else 0xFF
-        numbers, saturated = whole_steps(steps, _HIGHEST[longest], _MISSING[longest])
+        steps = np.full((len(SCALES) + 1, values.shape[1]), lasted / _TIME_STEP)
+        steps[:-1] = values / _STEPS
+        highest, missing = np.full((2, len(steps), 1), 0xFFFF if in_status else 0xFF)
+        highest[:-1], missing[:-1] = HIGHEST, MISSING
+        numbers, saturated = whole_steps(steps, highest, missing)
         registers = _PLACES @ numbers
         flags = (not auto) | auto << 1 | close << 2 | open << 3
         registers[0] |= flags << self._first_bit
@@ -218,10 +214,10 @@ class RegisterMap:
         position is below the present one, `now`.
         """
         codes = {c.value.lower(): c for c in (Code.OPEN, Code.CLOSE, Code.MANUAL, Code.AUTO)}
-        asked, last = check_action(action, codes), check_scalar("now", now, "%", 0, 255)
-        if isinstance(asked, str):
-            return self.command(codes[asked])
-        whole = round(asked)
+        target, last = check_action(action, codes), check_scalar("now", now, "%", 0, 255)
+        if isinstance(target, str):
+            return self.command(codes[target])
+        whole = round(target)
         return self.command(Code.POSITION_CLOSE if whole < last else Code.POSITION_OPEN, whole)
 
     def table(self) -> pd.DataFrame:
@@ -231,12 +227,18 @@ class RegisterMap:
         """
         rows = [
             (
-                scale.channel, channel.unit, f"0x{scale.register:04X}",
-                "high" if scale.shift else "low", scale.step, HIGHEST * scale.step, MISSING, step,
+                scale.channel,
+                channel.unit,
+                f"0x{scale.register:04X}",
+                "high" if scale.shift else "low",
+                scale.step,
+                HIGHEST * scale.step,
+                MISSING,
+                step,
                 (scale.step + step) / 2,
             )
             for scale, channel, step in zip(SCALES, CHANNELS, Sensors().step, strict=True)
-        ]  # fmt: skip
+        ]
         columns = ["channel", "unit", "register", "byte", "step", "highest", "missing"]
         columns += ["converter_step", "largest_error"]
         return pd.DataFrame(rows, columns=columns).set_index("channel")
@@ -245,14 +247,14 @@ class RegisterMap:
         """Return the command encoded in a register value, and its position [%]; 0 if none."""
         word = check_whole("value", value, 0, 0xFFFF)
         position, number = word >> 8, word & 0xFF
-        meant = {known: code for code, known in command_codes().items()}
-        if number not in meant:
-            raise FieldError(f"code is {number}; it must be one of {', '.join(map(str, meant))}")
-        if meant[number] not in (Code.POSITION_CLOSE, Code.POSITION_OPEN):
-            return meant[number], 0
+        codes = {number: code for code, number in command_codes().items()}
+        if number not in codes:
+            raise FieldError(f"code is {number}; it must be one of {', '.join(map(str, codes))}")
+        if codes[number] not in (Code.POSITION_CLOSE, Code.POSITION_OPEN):
+            return codes[number], 0
         if position > 100:
             raise FieldError(f"position is {position} %; it must be 0..100")
-        return meant[number], position
+        return codes[number], position
 
     @property
     def _first_bit(self) -> int:
@@ -266,5 +268,5 @@ def check_action(action: Any, words: Iterable[str]) -> str | float:
     plain = isinstance(action, Real) and not isinstance(action, bool)
     if plain and 0 <= action <= 100:
         return float(action)
-    known = ", ".join(words)
-    raise ArgumentError(f"action is {action!r}; it must be one of {known}, or a position 0..100 %")
+    names = ", ".join(words)
+    raise ArgumentError(f"action is {action!r}; it must be one of {names}, or a position 0..100 %")

@@ -60,13 +60,18 @@ def _paper() -> RuleBase:
     rows = _rows("kim2014_assumed_terms.csv")
     variables = [
         Variable(
-            row["variable"], row["unit"], float(row["low"]), float(row["high"]),
-            tuple(_term(one) for one in rows if one["variable"] == row["variable"] and one["term"]),
+            row["variable"],
+            row["unit"],
+            float(row["low"]),
+            float(row["high"]),
+            tuple(
+                _term(term) for term in rows if term["variable"] == row["variable"] and term["term"]
+            ),
             row["english"],
         )
         for row in rows
         if not row["term"]
-    ]  # fmt: skip
+    ]
     rules = [
         Rule(row["code"], row["antecedent"], int(row["priority"]), row["flag"], row["english"])
         for row in _rows("kim2014_assumed_rules.csv")

@@ -88,9 +88,12 @@ class System:
     """
 
     n_valves: int = whole(
-        1, 10_000, help="Number of valves; if omitted, that of `actuator`, or 1",
-        default=None, optional=True,
-    )  # fmt: skip
+        1,
+        10_000,
+        help="Number of valves; if omitted, that of `actuator`, or 1",
+        default=None,
+        optional=True,
+    )
     poll: Poll | None = None
     _: KW_ONLY
     actuator: Actuator = field(default_factory=Actuator)
@@ -100,21 +103,28 @@ class System:
     move: Literal["slave", "downstream"] = choice(
         ("slave", "downstream"),
         "Slaves that the master moves to its other port when a slave does not respond: that "
-        "slave only, or also all slaves downstream of it", default="slave",
-    )  # fmt: skip
+        "slave only, or also all slaves downstream of it",
+        default="slave",
+    )
     watchdog: float | None = number(
-        0.1, 3600, "s", "Time without a request after which a motor stops; no limit if omitted",
-        default=None, optional=True,
-    )  # fmt: skip
+        0.1,
+        3600,
+        "s",
+        "Time without a request after which a motor stops; no limit if omitted",
+        default=None,
+        optional=True,
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)
-        known = self.actuator.n_valves
-        count = known or 1 if self.n_valves is None else self.n_valves
-        if known not in (None, count):
-            raise ArgumentError(f"n_valves is {count}; it must be that of the actuator, {known}")
-        place = np.asarray(self.opening, float)
-        if place.shape not in ((), (count,)) or not ((place >= 0) & (place <= 1)).all():
+        described = self.actuator.n_valves
+        count = described or 1 if self.n_valves is None else self.n_valves
+        if described not in (None, count):
+            raise ArgumentError(
+                f"n_valves is {count}; it must be that of the actuator, {described}"
+            )
+        opening = np.asarray(self.opening, float)
+        if opening.shape not in ((), (count,)) or not ((opening >= 0) & (opening <= 1)).all():
             raise ArgumentError(
                 f"opening is {self.opening!r}; it must be 0..1, one value for all valves or "
                 f"one for each of {count}"
@@ -148,14 +158,14 @@ class System:
         age of a shown position, and ``valves_in_2_s`` the number of valves that a master can update
         within 2 s, the limit of DNV-OS-D202 for a fully updated screen.
         """
-        given = self.poll if self.poll is not None else status_poll()
+        poll = self.poll if self.poll is not None else status_poll()
         masters = -(-self.n_valves // MAX_UNIT)
         largest = -(-self.n_valves // masters)
         rows = {}
         for rate in BIT_RATES:
-            serial = SerialLine(rate, given.line.character)
+            serial = SerialLine(rate, poll.line.character)
             # A time-out of one hour allows any processing time; no request times out here.
-            read = status_poll(serial, processing=given.processing, timeout=3600)
+            read = status_poll(serial, processing=poll.processing, timeout=3600)
             scan = read.scan_time(largest)
             rows[rate] = masters, scan, scan + read.shortest_timeout, read.max_slaves(_SCREEN)
         columns = ["masters", "scan_s", "worst_age_s", "valves_in_2_s"]

@@ -43,18 +43,15 @@ def position_speed(time: Floats, position: Floats) -> Floats:
     """Return the absolute speed of the position over the window [%/s]; NaN in the first window."""
     then = np.searchsorted(time, time - WINDOW + 1e-9) - 1
     speed = np.full(position.shape, np.nan)
-    known = then >= 0
-    lasted = (time[known] - time[then[known]])[:, np.newaxis]
-    speed[known] = np.abs(position[known] - position[then[known]]) / lasted
+    valid = then >= 0
+    lasted = (time[valid] - time[then[valid]])[:, np.newaxis]
+    speed[valid] = np.abs(position[valid] - position[then[valid]]) / lasted
     return speed
 
 
 def stroke_speed(speed: Floats, ran: npt.ArrayLike) -> Floats:
     """Return the speed where the motor has run for the whole window, and NaN elsewhere."""
     return np.where(np.asarray(ran) >= WINDOW - 1e-9, speed, np.nan)
-
-
-_NAMES = tuple(channel.name for channel in CHANNELS)
 
 
 @record
@@ -88,17 +85,19 @@ class Sensors:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for name in ("low", "high", "noise"):
-            values: Any = getattr(self, name)
+        names = [channel.name for channel in CHANNELS]
+        for field in ("low", "high", "noise"):
+            values: Any = getattr(self, field)
             try:
                 five = tuple(float(value) for value in values)
             except (TypeError, ValueError):
                 five = ()
-            if len(five) != 5 or any(value != value for value in five):
-                names = ", ".join(_NAMES)
-                raise ArgumentError(f"{name} is {values!r}; it must be five numbers, {names}")
-            object.__setattr__(self, name, five)
-        for name, low, high, noise in zip(_NAMES, self.low, self.high, self.noise, strict=True):
+            if len(five) != 5 or np.isnan(five).any():
+                raise ArgumentError(
+                    f"{field} is {values!r}; it must be five numbers, {', '.join(names)}"
+                )
+            object.__setattr__(self, field, five)
+        for name, low, high, noise in zip(names, self.low, self.high, self.noise, strict=True):
             if not low < high:
                 raise ArgumentError(f"scale of {name} is {low:g}..{high:g}; low must be below high")
             if not 0 <= noise < np.inf:

@@ -119,7 +119,7 @@ def record(
     """Advance the plant to tick `last`; yield its readings in runs of up to `size` instants."""
     n, window = plant.n_valves, ceil(WINDOW / plant.step - 1e-6)
     before, since = np.empty((0, n)), np.empty(0)
-    due = given = 0
+    due = ordered = 0
     done = False
     while not done:
         time, readings = np.empty(size), np.empty((size, 5, n))
@@ -127,9 +127,9 @@ def record(
         opening, ran = np.empty((size, n)), np.full((size, n), np.nan)
         row = 0
         while row < size and not done:
-            while given < len(orders) and plant.ticks(orders[given].time) <= plant.tick:
-                plant.order(orders[given])
-                given += 1
+            while ordered < len(orders) and plant.ticks(orders[ordered].time) <= plant.tick:
+                plant.order(orders[ordered])
+                ordered += 1
             while due < len(events) and events[due] <= plant.tick:
                 due += 1
             upcoming = min(events[due], last) if due < len(events) else last
@@ -156,6 +156,12 @@ def record(
         before, since = places[-window:], instants[-window:]
         movements, plant.movements = tuple(plant.movements), []
         yield Run(
-            time[:row], readings[:row], speed, ran[:row], moving[:row], active[:row],
-            opening[:row], movements,
-        )  # fmt: skip
+            time[:row],
+            readings[:row],
+            speed,
+            ran[:row],
+            moving[:row],
+            active[:row],
+            opening[:row],
+            movements,
+        )

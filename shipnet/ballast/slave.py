@@ -18,7 +18,7 @@ from shipnet.ballast.registers import (
     N_REGISTERS,
     Code,
     RegisterMap,
-)  # fmt: skip
+)
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed, stroke_speed
 from shipnet.errors import ArgumentError, FieldError
@@ -46,8 +46,8 @@ class Monitor:
 
     def row(self, valve: int) -> int:
         """Return the rule-table row, from 1, of the highest-ranked code found; 0 if none."""
-        found = self.found[valve, self._ranked]
-        return int(self._ranked[found.argmax()]) + 1 if np.count_nonzero(found) else 0
+        ranked = self.found[valve, self._ranked]
+        return int(self._ranked[ranked.argmax()]) + 1 if np.count_nonzero(ranked) else 0
 
     def forget(self, valve: int) -> None:
         """Clear the codes found for a valve, and restart the count of readings."""
@@ -65,31 +65,23 @@ class Monitor:
         # The speed needs the present reading and the latest reading that is at least a window old.
         while len(self._places) > 1 and self._places[1][0] < plant.time - WINDOW + 1e-9:
             self._places.popleft()
-        self._fired.append(self._fires())
-        self.found |= sum(self._fired, np.zeros(self.found.shape, int)) >= _LEAST
-
-    def _fires(self) -> Bools:
-        """Return a mask of the rules that fire for this reading, shape (n_valves, n_rules)."""
-        plant, speed = self.plant, np.full(self.plant.n_valves, np.nan)
         calm = not np.count_nonzero(plant.active)
         if calm and self._calm is not None and np.array_equal(plant.readings, self._calm[0]):
             # Without noise, most readings of a fleet at rest equal the previous reading.
-            return self._calm[1].copy()
-        if not calm:
-            ends = (self._places[0], self._places[-1])
-            time, places = (np.array(column) for column in zip(*ends, strict=True))
-            found = stroke_speed(position_speed(time, places)[-1], plant.run_time)
-            speed = np.where(plant.active, found, np.nan)
-        values = {c.name: x for c, x in zip(CHANNELS, plant.readings, strict=True)}
-        values["DVPos"] = speed
-        applies = {"DVPos": ~np.isnan(speed)}
-        fires = self.base.decide(values, applies=applies).active
-        self._calm = (plant.readings, fires.copy()) if calm else None
-        return fires
-
-
-#: Function codes of the paper: read input registers, write single register.
-_FUNCTIONS = frozenset({4, 6})
+            fires = self._calm[1].copy()
+        else:
+            speed = np.full(plant.n_valves, np.nan)
+            if not calm:
+                ends = (self._places[0], self._places[-1])
+                time, places = (np.array(column) for column in zip(*ends, strict=True))
+                moved = stroke_speed(position_speed(time, places)[-1], plant.run_time)
+                speed = np.where(plant.active, moved, np.nan)
+            values = {c.name: x for c, x in zip(CHANNELS, plant.readings, strict=True)}
+            applies = {"DVPos": ~np.isnan(speed)}
+            fires = self.base.decide({**values, "DVPos": speed}, applies=applies).active
+            self._calm = (plant.readings, fires.copy()) if calm else None
+        self._fired.append(fires)
+        self.found |= sum(self._fired, np.zeros(self.found.shape, int)) >= _LEAST
 
 
 class ValveRegisters:
@@ -154,17 +146,11 @@ class ValveDevice(ValveRegisters):
         self._attend(time)
         if self.local or not (self.auto or code is Code.AUTO):
             raise DeviceError(ExceptionCode.SERVER_DEVICE_FAILURE)
-        match code:
-            case Code.MANUAL | Code.AUTO:
-                self.auto = code is Code.AUTO
-                if not self.auto:
-                    self._order("stop")
-            case Code.OPEN:
-                self._order("open")
-            case Code.CLOSE:
-                self._order("close")
-            case _:
-                self._order("position", position)
+        if code in (Code.MANUAL, Code.AUTO):
+            self.auto = code is Code.AUTO
+        if code is not Code.AUTO:
+            actions = {Code.MANUAL: "stop", Code.OPEN: "open", Code.CLOSE: "close"}
+            self._order(actions.get(code, float(position)))
         self._feed(time)
 
     def turn(self, action: str, time: float) -> None:
@@ -175,10 +161,9 @@ class ValveDevice(ValveRegisters):
         self.plant.run_until(time)
         self._order(action)
 
-    def _order(self, action: str, position: int | None = None) -> None:
+    def _order(self, action: str | float) -> None:
         self.monitor.forget(self.valve)
-        asked = action if position is None else float(position)
-        self.plant.order(Command(asked, valves=self.valve + 1))
+        self.plant.order(Command(action, valves=self.valve + 1))
 
     def _attend(self, time: float) -> None:
         """Advance the plant to the time of a request, which resets the watchdog."""
@@ -198,4 +183,5 @@ def valve_slaves(plant: Plant) -> dict[int, Slave]:
         raise ArgumentError(f"plant has {plant.n_valves} valves; there are {MAX_UNIT} unit ids")
     monitor = Monitor(plant)
     devices = (ValveDevice(plant, valve, monitor) for valve in range(plant.n_valves))
-    return {unit: Slave(device, functions=_FUNCTIONS) for unit, device in enumerate(devices, 1)}
+    # The paper's function codes: read input registers, write single register.
+    return {unit: Slave(device, functions={4, 6}) for unit, device in enumerate(devices, 1)}

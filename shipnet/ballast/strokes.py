@@ -27,9 +27,14 @@ from shipnet.line.scope_file import read_arrays
 #: Channels of a point, in counts of the converter. Accelerations are given by their standard
 #: deviations within the point, times ten.
 CHANNELS = (
-    "angle", "pressure_1", "pressure_2", "pressure_3",
-    "accel_1_std_x10", "accel_2_std_x10", "accel_3_std_x10",
-)  # fmt: skip
+    "angle",
+    "pressure_1",
+    "pressure_2",
+    "pressure_3",
+    "accel_1_std_x10",
+    "accel_2_std_x10",
+    "accel_3_std_x10",
+)
 
 #: The condition of a healthy actuator.
 HEALTHY = "healthy"
@@ -91,8 +96,8 @@ class Strokes:
     def __repr__(self) -> str:
         pairs = pd.DataFrame({"condition": self.condition, "actuator": self.actuator})
         groups = pairs.drop_duplicates().groupby("condition", sort=False)["actuator"]
-        said = "; ".join(f"{name}: {', '.join(sorted(mine))}" for name, mine in groups)
-        return f"Strokes({len(self.values)} strokes; {said})"
+        text = "; ".join(f"{name}: {', '.join(sorted(names))}" for name, names in groups)
+        return f"Strokes({len(self.values)} strokes; {text})"
 
     @cached_property
     def way(self) -> Floats:
@@ -202,10 +207,7 @@ class Strokes:
         return RuleBase(tuple(variables), tuple(rules))
 
     def scores(
-        self,
-        reference: Strokes | None = None,
-        *,
-        judges: Mapping[str, Judge] | None = None,
+        self, reference: Strokes | None = None, *, judges: Mapping[str, Judge] | None = None
     ) -> pd.DataFrame:
         """Return how many strokes of each actuator are reported by rules fitted without it.
 
@@ -221,7 +223,7 @@ class Strokes:
         """
         others = dict(judges or {})
         source = reference if reference is not None else _shipped()
-        known, rows = source.table(), []
+        features, rows = source.table(), []
         for (name, condition), tested in self._features.groupby(["actuator", "condition"]):
             base = source.rules(without=str(name))
             reports = {}
@@ -229,17 +231,17 @@ class Strokes:
                 applies = self.applies.loc[tested.index]
                 decided = base.decide(tested[list(base.names)], method, applies=applies)
                 for flag in dict.fromkeys(rule.flag for rule in base.rules):
-                    own = [rule.flag == flag for rule in base.rules]
-                    reports[method, flag] = decided.active[:, own].any(axis=1)
+                    of_flag = [rule.flag == flag for rule in base.rules]
+                    reports[method, flag] = decided.active[:, of_flag].any(axis=1)
                 reports[method, "any"] = decided.top != NORMAL
             for method, judge in others.items():
-                found = np.asarray(judge(known[known["actuator"] != name], tested))
-                if found.shape != (len(tested),) or found.dtype != bool:
+                reported = np.asarray(judge(features[features["actuator"] != name], tested))
+                if reported.shape != (len(tested),) or reported.dtype != bool:
                     raise ArgumentError(
-                        f"judges[{method!r}] returned the shape {found.shape} and the type "
-                        f"{found.dtype}; expected one bool for each of {len(tested)} strokes"
+                        f"judges[{method!r}] returned the shape {reported.shape} and the type "
+                        f"{reported.dtype}; expected one bool for each of {len(tested)} strokes"
                     )
-                reports[method, "any"] = found
+                reports[method, "any"] = reported
             rows += [
                 (method, report, name, condition, len(tested), int(hits.sum()))
                 for (method, report), hits in reports.items()

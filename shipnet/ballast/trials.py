@@ -102,9 +102,8 @@ class Trials:
 
     def __repr__(self) -> str:
         share = self.rows.groupby("method", sort=False)["isolated"].mean()
-        said = ", ".join(f"{name} {100 * x:.0f} %" for name, x in share.items())
-        n = len(self.rows) // max(len(share), 1)
-        return f"Trials({n} valves, isolated: {said})"
+        isolated = ", ".join(f"{name} {100 * x:.0f} %" for name, x in share.items())
+        return f"Trials({len(self.rows) // max(len(share), 1)} valves, isolated: {isolated})"
 
     def table(self) -> pd.DataFrame:
         """Return one row per trial and method, as a copy."""
@@ -126,9 +125,9 @@ class Trials:
             ends = share_interval(hits, table["n"])
             table[f"{name}_low"], table[f"{name}_high"] = ends
         faulty = self.rows["detected"] & (self.rows["fault"] != NORMAL)
-        found = self.rows[faulty].groupby(["method", "fault"], sort=False)
-        table["isolability"] = found["isolated"].mean()
-        table["sensitivity"] = found["severity"].min()
+        detected = self.rows[faulty].groupby(["method", "fault"], sort=False)
+        table["isolability"] = detected["isolated"].mean()
+        table["sensitivity"] = detected["severity"].min()
         for name in ("detection_time_s", "isolation_time_s"):
             table[name] = groups[name].median()
         return table
@@ -136,10 +135,11 @@ class Trials:
     def confusion(self, method: str = "fuzzy") -> pd.DataFrame:
         """Return the number of trials by fault (rows) and top fault (columns)."""
         check_choice("method", method, self.rows["method"].unique())
-        mine = self.rows[self.rows["method"] == method]
-        order = list(dict.fromkeys([*mine["fault"], *sorted(mine["top_fault"].unique())]))
-        counted = pd.crosstab(mine["fault"], mine["top_fault"])
-        return counted.reindex(index=list(mine["fault"].unique()), columns=order, fill_value=0)
+        rows = self.rows[self.rows["method"] == method]
+        faults = list(rows["fault"].unique())
+        order = list(dict.fromkeys([*faults, *sorted(rows["top_fault"].unique())]))
+        counts = pd.crosstab(rows["fault"], rows["top_fault"])
+        return counts.reindex(index=faults, columns=order, fill_value=0)
 
     def plot(self, method: str = "fuzzy", ax: Axes | None = None) -> Axes:
         """Draw the confusion matrix in percent of each row."""
@@ -199,7 +199,7 @@ def fault_trials(
     {'normal': 0, 'V1': 8}
     """
     generator = check_rng(rng)
-    wanted, asked = _some("codes", codes, (NORMAL, *FAULTS)), _some("methods", methods, METHODS)
+    wanted, ways = _some("codes", codes, (NORMAL, *FAULTS)), _some("methods", methods, METHODS)
     valves = check_whole("n_valves", n_valves, 1, 10_000 // len(wanted))
     try:
         each = np.broadcast_to(np.asarray(severity, float), valves)
@@ -211,19 +211,23 @@ def fault_trials(
     base = rule_base()
     faults = np.repeat(np.array(wanted, dtype=object), valves)
     places = {code: np.flatnonzero(faults == code) for code in wanted if code != NORMAL}
-    plan = [Fault(code, severities[mine], valves=mine + 1) for code, mine in places.items()]
-    active = {method: np.zeros((faults.size, len(base.rules)), bool) for method in asked}
-    first = {method: np.full((faults.size, len(base.rules)), np.nan) for method in asked}
+    plan = [Fault(code, severities[where], valves=where + 1) for code, where in places.items()]
+    active = {method: np.zeros((faults.size, len(base.rules)), bool) for method in ways}
+    first = {method: np.full((faults.size, len(base.rules)), np.nan) for method in ways}
     runs = blocks(
         spread_valves(faults.size, generator),
         [Command("open", _OPEN), Command("close", _CLOSE)],
-        faults=plan, until=_END, idle_step=0.5, rng=generator, size=_BLOCK,
-    )  # fmt: skip
-    for block in _diagnosed(runs, asked):
-        for method, found in block.items():
-            active[method] |= found.active.any(axis=0)
-            first[method] = np.fmin(first[method], found.alarm_times)
-    own = faults[:, np.newaxis] == np.array(base.codes, dtype=object)
+        faults=plan,
+        until=_END,
+        idle_step=0.5,
+        rng=generator,
+        size=_BLOCK,
+    )
+    for block in _diagnosed(runs, ways):
+        for method, diagnosis in block.items():
+            active[method] |= diagnosis.active.any(axis=0)
+            first[method] = np.fmin(first[method], diagnosis.alarm_times)
+    of_fault = faults[:, np.newaxis] == np.array(base.codes, dtype=object)
     tables = []
     for method, codes in active.items():
         top = base.top_codes(codes)
@@ -237,10 +241,12 @@ def fault_trials(
             "active": base.active_codes(codes),
             "top_fault": top,
             "detected": codes.any(axis=1),
-            "named": (codes & own).any(axis=1),
+            "named": (codes & of_fault).any(axis=1),
             "isolated": top == faults,
             "detection_time_s": np.fmin.reduce(since, axis=1),
-            "isolation_time_s": np.fmin.reduce(np.where(own & isolated, since, np.nan), axis=1),
+            "isolation_time_s": np.fmin.reduce(
+                np.where(of_fault & isolated, since, np.nan), axis=1
+            ),
         }
         tables.append(pd.DataFrame(rows))
     return Trials(pd.concat(tables, ignore_index=True))
@@ -250,19 +256,16 @@ def _diagnosed(runs: Iterable[Run], methods: Iterable[str]) -> Iterator[dict[str
     """Diagnose consecutive blocks with every method."""
     tails: dict[str, Tail] = {}
     for run in runs:
-        found = {
-            method: diagnose_run(run, method=method, earlier=tails.get(method))
-            for method in methods
-        }
-        tails = {method: diagnosis.tail for method, diagnosis in found.items()}
-        yield found
+        block = {m: diagnose_run(run, method=m, earlier=tails.get(m)) for m in methods}
+        tails = {method: diagnosis.tail for method, diagnosis in block.items()}
+        yield block
 
 
-def _some(name: str, words: Iterable[str], known: Collection[str]) -> list[str]:
-    given = list(words)
-    if not given:
+def _some(name: str, words: Iterable[str], legal: Collection[str]) -> list[str]:
+    chosen = [check_choice(f"one of {name}", word, legal) for word in words]
+    if not chosen:
         raise ArgumentError(f"{name} is empty; it must name at least one")
-    return [check_choice(f"one of {name}", word, known) for word in given]
+    return chosen
 
 
 def false_alarms(
@@ -321,37 +324,51 @@ def false_alarms(
     runs = blocks(system, orders, until=end, rng=generator, size=max(2**19 // valves, 1))
     last = 0.0
     for block in _diagnosed(runs, wanted):
-        for method, found in block.items():
-            of = np.minimum((found.time + 1e-6) // every, starts.size - 1).astype(int)
-            calm = np.isin(found.top, [NORMAL, UNDETERMINED])
+        for method, diagnosis in block.items():
+            of = np.minimum((diagnosis.time + 1e-6) // every, starts.size - 1).astype(int)
+            calm = np.isin(diagnosis.top, [NORMAL, UNDETERMINED])
             before = np.concatenate([quiet[method], calm[:-1]])
             alarms[method] += int((before & ~calm).sum())
-            spans = np.diff(found.time, prepend=last)
+            spans = np.diff(diagnosis.time, prepend=last)
             reported[method] += float(spans @ (~before).sum(axis=1))
             np.logical_or.at(alarmed[method], of, ~calm)
             quiet[method] = calm[-1:]
-        last = found.time[-1]
+        last = diagnosis.time[-1]
     hits = np.array([int(alarmed[method].sum()) for method in wanted])
     seen = np.array([alarms[method] for method in wanted])
     commands, years = starts.size * valves, valves * (starts.size * every) / _YEAR
     share = share_interval(hits, np.full(hits.shape, commands))
     rate = event_interval(seen, years)
     columns = {
-        "commands": commands, "alarmed": hits, "per_command": hits / commands,
-        "per_command_low": share[0], "per_command_high": share[1], "valve_years": years,
-        "alarms": seen, "per_valve_year": seen / years, "per_valve_year_low": rate[0],
+        "commands": commands,
+        "alarmed": hits,
+        "per_command": hits / commands,
+        "per_command_low": share[0],
+        "per_command_high": share[1],
+        "valve_years": years,
+        "alarms": seen,
+        "per_valve_year": seen / years,
+        "per_valve_year_low": rate[0],
         "per_valve_year_high": rate[1],
         "false_detection_rate": [reported[method] / (valves * last) for method in wanted],
-    }  # fmt: skip
+    }
     return pd.DataFrame(columns, index=pd.Index(wanted, name="method"))
 
 
 #: Columns of `FleetReport.faults`, and their types.
 _FAULT_COLUMNS = {
-    "valve": np.int64, "code": object, "severity": float, "start_s": float, "top_fault": object,
-    "named": bool, "detection_time_s": float, "isolation_time_s": float,
-    "true_detection_rate": float, "command_s": float, "after_command_s": float,
-}  # fmt: skip
+    "valve": np.int64,
+    "code": object,
+    "severity": float,
+    "start_s": float,
+    "top_fault": object,
+    "named": bool,
+    "detection_time_s": float,
+    "isolation_time_s": float,
+    "true_detection_rate": float,
+    "command_s": float,
+    "after_command_s": float,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -408,29 +425,34 @@ class FleetReport:
                     table[table["valve"] == valve + 1]
                     for table in (self.alarms, self.signals, self.commands)
                 )
-                mine = alarms[alarms["time_s"] >= fault.start]
-                own = shown[(shown["time_s"] >= fault.start) & (shown["top_fault"] == fault.code)]
-                alarm, end = mine["time_s"].min(), min(fault.stop, self.duration)
+                later = alarms[alarms["time_s"] >= fault.start]
+                isolated = shown[
+                    (shown["time_s"] >= fault.start) & (shown["top_fault"] == fault.code)
+                ]
+                alarm, end = later["time_s"].min(), min(fault.stop, self.duration)
                 ran = ran[(ran["end_s"] >= fault.start) & (ran["start_s"] <= alarm)]
                 command = np.maximum(ran["start_s"].max(), fault.start)
-                seen = self._reported(fault.start, end, shown)
+                # Time for which a fault is reported while there is one.
+                until = shown["time_s"].shift(-1).fillna(self.duration)
+                spans = until.clip(fault.start, end) - shown["time_s"].clip(fault.start, end)
+                reported = spans[~shown["top_fault"].isin([NORMAL, UNDETERMINED])].sum()
                 rows.append(
                     (
-                        valve + 1, fault.code, severities[valve], fault.start,
-                        [*mine["top_fault"], ""][0], fault.code in mine["code"].tolist(),
-                        alarm - fault.start, own["time_s"].min() - fault.start,
-                        seen / (end - fault.start) if end > fault.start else np.nan,
-                        command, alarm - command,
+                        valve + 1,
+                        fault.code,
+                        severities[valve],
+                        fault.start,
+                        [*later["top_fault"], ""][0],
+                        fault.code in later["code"].tolist(),
+                        alarm - fault.start,
+                        isolated["time_s"].min() - fault.start,
+                        reported / (end - fault.start) if end > fault.start else np.nan,
+                        command,
+                        alarm - command,
                     )
-                )  # fmt: skip
+                )
         # An empty table must have the same column types.
         return pd.DataFrame(rows, columns=list(_FAULT_COLUMNS)).astype(_FAULT_COLUMNS)
-
-    def _reported(self, low: float, high: float, signals: pd.DataFrame) -> float:
-        """Return for how long faults are reported between the times `low` and `high` [s]."""
-        ends = signals.groupby("valve")["time_s"].shift(-1).fillna(self.duration)
-        spans = np.clip(ends, low, high) - np.clip(signals["time_s"], low, high)
-        return float(spans[~signals["top_fault"].isin([NORMAL, UNDETERMINED])].sum())
 
     def false_alarms(self) -> pd.DataFrame:
         """Return the alarms of valves that had no fault yet, with the columns of `alarms`."""
@@ -446,15 +468,17 @@ class FleetReport:
         """Return counts, median times and indices per code; ``true_detection_rate`` is a mean."""
         groups = self.faults().groupby("code", sort=False)
         table: pd.DataFrame = groups.agg(
-            faults=("code", "size"), detected=("detection_time_s", "count"),
-            named=("named", "sum"), isolated=("isolation_time_s", "count"),
+            faults=("code", "size"),
+            detected=("detection_time_s", "count"),
+            named=("named", "sum"),
+            isolated=("isolation_time_s", "count"),
             detection_time_s=("detection_time_s", "median"),
             isolation_time_s=("isolation_time_s", "median"),
             true_detection_rate=("true_detection_rate", "mean"),
-        )  # fmt: skip
+        )
         table["isolability"] = table["isolated"] / table["detected"].where(table["detected"] > 0)
-        found = self.faults().dropna(subset="detection_time_s")
-        table["sensitivity"] = found.groupby("code")["severity"].min()
+        detected = self.faults().dropna(subset="detection_time_s")
+        table["sensitivity"] = detected.groupby("code")["severity"].min()
         return table.reindex([code for code in FAULTS if code in groups.groups])
 
     def __repr__(self) -> str:
@@ -481,20 +505,26 @@ class FleetReport:
         hour = 3600.0
         rows = np.arange(len(faults))
         start = faults["start_s"].to_numpy()
-        known = (start + faults["detection_time_s"]).fillna(self.duration).to_numpy()
+        until = (start + faults["detection_time_s"]).fillna(self.duration).to_numpy()
         names = []
         for row, (valve, code) in enumerate(faults[["valve", "code"]].itertuples(index=False)):
             names.append(f"{code}, valve {valve}")
             moved = commands.loc[commands["valve"] == valve, "start_s"] / hour
             ax.plot(
-                moved, np.full(len(moved), row), "|", color="0.55", markersize=11,
+                moved,
+                np.full(len(moved), row),
+                "|",
+                color="0.55",
+                markersize=11,
                 label="_" if row else "valve is moved",
-            )  # fmt: skip
+            )
         red = style.LIMIT["color"]
-        ax.hlines(rows, start / hour, known / hour, color=red, linewidth=3, label="unknown")
+        ax.hlines(rows, start / hour, until / hour, color=red, linewidth=3, label="unknown")
         ax.plot(start / hour, rows, "o", color=red, markersize=5, label="fault appears")
-        found = faults["detection_time_s"].notna().to_numpy()
-        ax.plot(known[found] / hour, rows[found], "D", color="C2", markersize=6, label="reported")
+        reported = faults["detection_time_s"].notna().to_numpy()
+        ax.plot(
+            until[reported] / hour, rows[reported], "D", color="C2", markersize=6, label="reported"
+        )
         ax.set_yticks(rows, names)
         ax.invert_yaxis()
         ax.set(xlabel="time [h]", xlim=(0, self.duration / hour))
@@ -555,8 +585,8 @@ def run_fleet(
     runs = blocks(fleet, commands, faults=failed, until=end, idle_step=idle_step, rng=rng)
     n_samples, strokes, alarms, signals = 0, [], [], []
     shown = np.full((1, fleet.n_valves), NORMAL, dtype=object)
-    for found in _diagnosed(runs, ["fuzzy"]):
-        diagnosis = found["fuzzy"]
+    for block in _diagnosed(runs, ["fuzzy"]):
+        diagnosis = block["fuzzy"]
         n_samples += diagnosis.time.size * fleet.n_valves
         strokes.append(
             stroke_rows(diagnosis.run)[["valve", "action", "start_s", "end_s", "outcome"]]
@@ -567,8 +597,8 @@ def run_fleet(
         columns = {"time_s": diagnosis.time[times], "valve": valves + 1}
         signals.append(pd.DataFrame({**columns, "top_fault": top[times, valves]}))
         shown = top[-1:]
-    moved, known, changed = (
+    moved, began, changed = (
         pd.concat([table for table in tables if len(table)] or tables[:1], ignore_index=True)
         for tables in (strokes, alarms, signals)
     )
-    return FleetReport(fleet.n_valves, end, n_samples, failed, moved, known, changed)
+    return FleetReport(fleet.n_valves, end, n_samples, failed, moved, began, changed)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 from math import inf, nan, sqrt
 from typing import Any, NamedTuple
 
@@ -140,9 +141,10 @@ class Wear:
         k = self._place(valve)
         check_choice("predictor", predictor, PREDICTORS)
         last = check_whole("at", at, _FEWEST, len(self.FP))
-        first = max(last - _WINDOW, 0)
-        values, limit, _ = self._indicator(predictor, slice(first, last), k)
-        trend = fit_trend(np.arange(first, last), values, logarithmic=predictor == "leak")
+        strokes = slice(max(last - _WINDOW, 0), last)
+        values, limit, _ = self._indicator(predictor, strokes, k)
+        places = np.arange(strokes.start, last)
+        trend = fit_trend(places, values, logarithmic=predictor == "leak")
         return Prediction(self, k + 1, last, predictor, trend, remaining_life(trend, limit, last))
 
     def predictions(self, at: int) -> pd.DataFrame:
@@ -172,28 +174,23 @@ class Wear:
         ratio of predicted to true remaining life; the fraction ``within_20`` percent of the true
         remaining life; and the fraction whose interval ``covers`` it.
         """
-        index, rows = [], []
-        for predictor in PREDICTORS:
-            for part in parts:
-                share = check_scalar("part", part, "", 1e-6, 1 - 1e-6)
-                ratios, covers = [], []
-                for valve, life in enumerate(self.life):
-                    now = int(share * life)
-                    if not _FEWEST <= now <= len(self.FP):
-                        continue
-                    left = self.predict(valve + 1, now, predictor=predictor).remaining
-                    ratios.append(left.estimate / (life - now))
-                    covers.append(left.low <= life - now <= left.high)
-                ratio = np.array(ratios, float)
-                found = ratio[np.isfinite(ratio)]
-                spread = np.quantile(found, [0.05, 0.5, 0.95]) if found.size else [np.nan] * 3
-                n = max(ratio.size, 1)
-                near = (np.abs(found - 1) <= 0.2).sum() / n
-                rows.append((ratio.size, found.size / n, *spread, near, sum(covers) / n))
-                index.append((predictor, part))
+        rows = []
+        for predictor, part in product(PREDICTORS, parts):
+            share = check_scalar("part", part, "", 1e-6, 1 - 1e-6)
+            nows = [int(share * life) for life in self.life]
+            valves = [k for k, now in enumerate(nows) if _FEWEST <= now <= len(self.FP)]
+            left = [self.predict(k + 1, nows[k], predictor=predictor).remaining for k in valves]
+            estimate, low, high = np.array(left).reshape(-1, 3).T
+            true = self.life[valves] - np.array(nows)[valves]
+            ratio = estimate / true
+            finite = ratio[np.isfinite(ratio)]
+            spread = np.quantile(finite, [0.05, 0.5, 0.95]) if finite.size else [np.nan] * 3
+            hits = np.isfinite(ratio), np.abs(ratio - 1) <= 0.2, (low <= true) & (true <= high)
+            found, near, covers = (hit.sum() / max(len(valves), 1) for hit in hits)
+            rows.append((predictor, part, len(valves), found, *spread, near, covers))
         titles = ["valves", "found", "p05", "median", "p95", "within_20", "covers"]
-        places = pd.MultiIndex.from_tuples(index, names=["predictor", "part"])
-        return pd.DataFrame(rows, places, titles)
+        table = pd.DataFrame(rows, columns=["predictor", "part", *titles])
+        return table.set_index(["predictor", "part"])
 
     def _place(self, valve: int) -> int:
         return check_whole("valve", valve, 1, self.life.size) - 1
@@ -221,9 +218,9 @@ class Prediction:
     remaining: Crossing
 
     def __repr__(self) -> str:
-        left = self.remaining
-        said = f"{left.estimate:.0f} more, {left.low:.0f} to {left.high:.0f}"
-        what = said if self.trend.found else self.trend.text
+        estimate, low, high = self.remaining
+        text = f"{estimate:.0f} more, {low:.0f} to {high:.0f}"
+        what = text if self.trend.found else self.trend.text
         return f"Prediction(valve {self.valve} after {self.at} strokes: {what})"
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -244,16 +241,27 @@ class Prediction:
             low, high = trend.band(grid)
             ax.plot(grid, trend.at(grid), color="C2", label="trend")
             ax.fill_between(
-                grid, low, high, color="C2", alpha=0.25, linewidth=0,
+                grid,
+                low,
+                high,
+                color="C2",
+                alpha=0.25,
+                linewidth=0,
                 label=f"{100 * CONFIDENCE:g} % interval",
-            )  # fmt: skip
+            )
             ax.set_xlim(0, stop)
             if found.estimate <= stop:
                 ends = np.array([[found.estimate - found.low], [found.high - found.estimate]])
                 ax.errorbar(
-                    [found.estimate], [limit], xerr=np.clip(ends, 0, stop), fmt="o", color="C2",
-                    capsize=4, markersize=5, label="end of life",
-                )  # fmt: skip
+                    [found.estimate],
+                    [limit],
+                    xerr=np.clip(ends, 0, stop),
+                    fmt="o",
+                    color="C2",
+                    capsize=4,
+                    markersize=5,
+                    label="end of life",
+                )
         else:
             ax.plot([], [], " ", label="no trend")
         if trend.logarithmic:
@@ -283,10 +291,9 @@ def leak_from_pressure(pressure: npt.ArrayLike) -> Floats:
     a = Actuator()
     p = 1e5 * np.asarray(pressure, float)
     load = load_pressure(a, 0.5)
-    legal = (p > load) & (p <= a.relief_pressure)
-    known = np.where(legal, p, np.nan)
+    p = np.where((p > load) & (p <= a.relief_pressure), p, np.nan)
     pumped = np.asarray(a.displacement) * a.speed
-    return np.asarray((pumped - a.restrictor * np.sqrt(known - load)) / known)
+    return np.asarray((pumped - a.restrictor * np.sqrt(p - load)) / p)
 
 
 def mid_pressure(leak: npt.ArrayLike) -> Floats:
@@ -332,8 +339,8 @@ class Trend:
     @property
     def text(self) -> str:
         """The result of the test for a trend, in one line."""
-        found = "a trend" if self.found else "no trend"
-        return f"{found} in {self.n} points (p = {self.p_value:.2g})"
+        what = "a trend" if self.found else "no trend"
+        return f"{what} in {self.n} points (p = {self.p_value:.2g})"
 
     def at(self, x: npt.ArrayLike) -> Floats:
         """Return the values of the line."""
@@ -362,15 +369,13 @@ class Trend:
 
 def remaining_life(trend: Trend, limit: float, now: float) -> Crossing:
     """Return the time from now until a trend rises to a limit."""
-    found = trend.crossing(limit)
     # Without a trend the slope is meaningless, so the median is used.
     if (trend.at(now) if trend.found else trend.median) >= limit:
         return Crossing(0.0, 0.0, 0.0)
-    if not trend.found:
-        return found
-    if trend.slope < 0:
+    if trend.found and trend.slope < 0:
         return Crossing(inf, inf, inf)
-    return Crossing(*(max(x - now, 0.0) for x in found))
+    crossing = trend.crossing(limit)
+    return Crossing(*(max(x - now, 0.0) for x in crossing)) if trend.found else crossing
 
 
 def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) -> Trend:
@@ -378,8 +383,8 @@ def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) 
     from scipy.special import stdtr, stdtrit  # scipy.stats takes a second to import
 
     places, values = np.asarray(x, float), np.asarray(y, float)
-    known = values > 0 if logarithmic else ~np.isnan(values)
-    places, values = places[known], values[known]
+    valid = values > 0 if logarithmic else ~np.isnan(values)
+    places, values = places[valid], values[valid]
     n = places.size
     if n < 5:
         raise ArgumentError(f"the readings have {n} valid points; a trend needs 5 or more")
@@ -395,8 +400,8 @@ def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) 
     away = places - centre[0]
     spread = float(away @ away)
     slope = float(away @ (values - centre[1])) / spread
-    rest = values - centre[1] - slope * away
-    deviation = sqrt(float(rest @ rest) / (n - 2))
+    residual = values - centre[1] - slope * away
+    deviation = sqrt(float(residual @ residual) / (n - 2))
     error = deviation / sqrt(spread)
     wide = float(stdtrit(n - 2, (1 + CONFIDENCE) / 2))
     p_value = 2 * float(stdtr(n - 2, -abs(slope) / error)) if error else 0.0

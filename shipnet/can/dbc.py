@@ -15,10 +15,10 @@ _LARGEST, _LARGEST_SUM, _MOST_VALUES = 1785, 500_000, 65_536
 
 def _refuse_large(text: str, source: str) -> None:
     """Raise an error if a DBC file contains numbers so large that cantools would take too long."""
-    plain = re.sub(r'"(?:\\"|[^"])*"|//[^\n]*', " ", text)
+    plain = re.sub(r'"[^"]*"?|//[^\n]*', " ", text.replace('\\"', ""))
     lengths = [float(n) for n in re.findall(r"\bBO_\s+\d+\s+\w+\s*:\s*(\d+)", plain)]
     bits = [float(n) for pair in re.findall(r":\s*(\d+)\s*\|\s*(\d+)", plain) for n in pair]
-    ranges = re.findall(r"(\d+)\s*-\s*(\d+)", plain)
+    ranges = re.findall(r"(?<!\d)(\d+)\s*-\s*(\d+)", plain)
     values = [float(end) - float(start) for start, end in ranges]
     for what, value, most in (
         ("the length of a message in bytes", max(lengths, default=0), _LARGEST),

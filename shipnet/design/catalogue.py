@@ -74,8 +74,8 @@ class Cable:
 def cables() -> Mapping[str, Cable]:
     """Return the cables in the catalogue, by id."""
     with datasets.path("estimated_cables.csv").open(newline="", encoding="utf-8") as stream:
-        found = [_cable(row) for row in csv.DictReader(stream)]
-    return MappingProxyType({cable.id: cable for cable in found})
+        entries = [_cable(row) for row in csv.DictReader(stream)]
+    return MappingProxyType({cable.id: cable for cable in entries})
 
 
 def _cable(row: dict[str, str]) -> Cable:
@@ -83,21 +83,28 @@ def _cable(row: dict[str, str]) -> Cable:
     width, height = float(row["diameter_mm"]), row["height_mm"]
     if row["line_cable"] not in ("", *CABLES):
         raise ArgumentError(f"line_cable is {row['line_cable']!r}; it must be a key of line.CABLES")
-    known = [f"{what} {row[f'status_{what}']}" for what in ("diameter", "mass", "price", "labour")]
+    kinds = ("diameter", "mass", "price", "labour")
+    status = ", ".join(f"{kind} {row[f'status_{kind}']}" for kind in kinds)
+    area = width * float(height) if height else pi / 4 * width**2
+    labour = row["status_labour"]
     return Cable(
-        row["cable_id"], row["description"], tuple(row["bus"].split(" / ")), row["line_cable"],
-        int(row["conductors"]),
-        area_mm2=width * float(height) if height else pi / 4 * width**2,
+        id=row["cable_id"],
+        description=row["description"],
+        buses=tuple(row["bus"].split(" / ")),
+        line=row["line_cable"],
+        conductors=int(row["conductors"]),
+        area_mm2=area,
         mass=Range.around(float(row["mass_kg_per_km"]) / 1e3, row["status_mass"]),
         price=Range(low, (low + high) / 2, high),
-        lay=Range.around(float(row["lay_h_per_m"]), row["status_labour"]),
-        termination=Range.around(float(row["termination_h_per_conductor"]), row["status_labour"]),
+        lay=Range.around(float(row["lay_h_per_m"]), labour),
+        termination=Range.around(float(row["termination_h_per_conductor"]), labour),
         longest_m=float(row["longest_m"] or inf),
         section=float(row["cross_section_mm2"]),
         resistance=float(row["loop_resistance_ohm_per_km"] or nan) / 1e3,
         current=float(row["current_a"] or inf),
-        status=", ".join(known), source=row["source"],
-    )  # fmt: skip
+        status=status,
+        source=row["source"],
+    )
 
 
 def with_spare(used: int, spare: float) -> int:
@@ -110,10 +117,10 @@ def with_spare(used: int, spare: float) -> int:
 def smallest(conductors: int, *, spare: float) -> Cable:
     """Return the thinnest cable for hardwired points that has enough conductors and spares."""
     needed = with_spare(conductors, spare)
-    own = [cable for cable in cables().values() if "hardwired" in cable.buses]
-    fit = [cable for cable in own if cable.conductors >= needed]
+    hardwired = [cable for cable in cables().values() if "hardwired" in cable.buses]
+    fit = [cable for cable in hardwired if cable.conductors >= needed]
     if not fit:
-        most = max(cable.conductors for cable in own)
+        most = max(cable.conductors for cable in hardwired)
         raise ArgumentError(
             f"conductors is {conductors}, or {needed} with {100 * spare:g} % spares; the largest "
             f"cable for hardwired points has {most}"
@@ -204,12 +211,11 @@ def ordered(name: str, given: Range) -> Range:
 @cache
 def read_assumptions() -> Mapping[str, Assumption]:
     """Return the assumptions in the data file, by name."""
-    return MappingProxyType(
-        {
-            row["name"]: Assumption(
-                Range(*(float(row[level]) for level in LEVELS)),
-                row["unit"], row["meaning"], row["status"], row["source"],
-            )
-            for row in datasets.read("synthetic_design_assumptions.csv").to_dict("records")
-        }
-    )  # fmt: skip
+    rows = datasets.read("synthetic_design_assumptions.csv").to_dict("records")
+    entries = {}
+    for row in rows:
+        ends = Range(*(float(row[level]) for level in LEVELS))
+        entries[row["name"]] = Assumption(
+            ends, row["unit"], row["meaning"], row["status"], row["source"]
+        )
+    return MappingProxyType(entries)

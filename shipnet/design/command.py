@@ -20,18 +20,16 @@ from shipnet.tables import csv_text
 def settings_of(arguments: argparse.Namespace) -> Settings:
     """Return the settings given on a command line."""
     settings = Settings() if arguments.settings is None else Settings.read(arguments.settings)
-    return settings.replace(dict(map(_setting, arguments.set)))
-
-
-def _setting(text: str) -> tuple[str, object]:
-    """Return the name and the value of a setting; a value that is not TOML is read as a string."""
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise ArgumentError(f"--set is {text!r}; it must be NAME=VALUE, such as detour=1.3")
-    try:
-        return name.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return name.strip(), value.strip()
+    values: dict[str, object] = {}
+    for text in arguments.set:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise ArgumentError(f"--set is {text!r}; it must be NAME=VALUE, such as detour=1.3")
+        try:
+            values[name.strip()] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:  # a value that is not TOML is text
+            values[name.strip()] = value.strip()
+    return settings.replace(values)
 
 
 def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
@@ -56,15 +54,15 @@ def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
 
 
 #: Pattern for the row, the column and the message of a fault.
-_PLACED = re.compile(r"row (\d+)(?:, column (.*?))?(?::|(?= has)) ?(.*)", re.DOTALL)
+_PLACED = re.compile(r"row (\d+)(?:, column ([^:]*?))?(?::|(?= has)) ?(.*)", re.DOTALL)
 
 
 def save_faults(path: str | None, file: str = "", faults: Sequence[str] = ()) -> None:
     """Write the faults in an I/O list to a CSV file, one per row; without a path, do nothing."""
     if path is None:
         return
-    found = [(_PLACED.fullmatch(fault), fault) for fault in faults]
-    rows = [(file, *(placed.groups("") if placed else ("", "", fault))) for placed, fault in found]
+    places = [(_PLACED.fullmatch(fault), fault) for fault in faults]
+    rows = [(file, *(placed.groups("") if placed else ("", "", fault))) for placed, fault in places]
     text = csv_text([("file", "row", "column", "fault"), *rows])
     Path(path).write_text(text, encoding="utf-8-sig", newline="")
 

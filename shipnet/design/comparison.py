@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from shipnet.answers import Findings
 from shipnet.design.costs import (
     CRITERIA,
     FIGURES,
+    LABELS,
     WEIGHED,
     Quantities,
     Rng,
@@ -60,11 +62,10 @@ _TOLD = (
 
 #: Rows of a comparison printed as text; rows about buses appear only if a design has a bus.
 _SHORT = (
-    "points_left_out", "conductors_at_cabinet", "cable_length_km", "cable_mass_kg", "labour_h",
-    "total_cost_low_eur", "total_cost_eur", "total_cost_high_eur", *_BUS, "worst_response_ms",
-    "lost_by_cable", "lost_by_device", "rules_met", "rules_violated",
-    "rules_not_verified",
-)  # fmt: skip
+    "points_left_out conductors_at_cabinet cable_length_km cable_mass_kg labour_h "
+    "total_cost_low_eur total_cost_eur total_cost_high_eur bus_time capacity_used "
+    "worst_response_ms lost_by_cable lost_by_device rules_met rules_violated rules_not_verified"
+).split()
 
 
 def pareto_optimal(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
@@ -144,32 +145,32 @@ class Comparison:
 
     @cached_property
     def _table(self) -> pd.DataFrame:
-        rows = {name: self._row(name) for name in self.designs}
+        rows = {}
+        for name, design in self.designs.items():
+            row: dict[str, Any] = {"points_left_out": int((~design.points["fits"]).sum())}
+            rows[name] = row
+            if not design.connected:
+                continue
+            figures = self.quantities[name].figures
+            verdicts = self._checked[name].table()["verdict"].value_counts()
+            most = worst(design._failures).set_index("failure")["points_lost"]
+            cable, device = max(most.get("cut", 0), most.get("short", 0)), most.get("device", 0)
+            row |= {
+                **figures["nominal"],
+                "total_cost_low_eur": figures.loc["total_cost_eur", "low"],
+                "total_cost_high_eur": figures.loc["total_cost_eur", "high"],
+                **design.segments[list(_BUS)].max(),
+                "worst_response_ms": design.worst_response_ms,
+                "lost_by_cable": cable,
+                "lost_by_device": device,
+                "lost_by_failure": max(cable, device),
+                "rules_met": int(verdicts.get("met", 0)),
+                "rules_violated": int(verdicts.get("violated", 0)),
+                "rules_not_verified": int(verdicts.get("not verified", 0)),
+            }
         table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("design")
-        best = self._optimal(table, CRITERIA)
-        return table.assign(pareto=best)
-
-    def _row(self, name: str) -> dict[str, float]:
-        design, figures = self.designs[name], self.quantities[name].figures
-        left_out = {"points_left_out": int((~design.points["fits"]).sum())}
-        verdicts = self._checked[name].table()["verdict"].value_counts()
-        most = worst(design._failures).set_index("failure")["points_lost"]
-        cable = max(most.get("cut", 0), most.get("short", 0))
-        row = {
-            **left_out,
-            **figures["nominal"],
-            "total_cost_low_eur": figures.loc["total_cost_eur", "low"],
-            "total_cost_high_eur": figures.loc["total_cost_eur", "high"],
-            **design.segments[list(_BUS)].max(),
-            "worst_response_ms": design.worst_response_ms,
-            "lost_by_cable": cable,
-            "lost_by_device": most.get("device", 0),
-            "lost_by_failure": max(cable, most.get("device", 0)),
-            "rules_met": int(verdicts.get("met", 0)),
-            "rules_violated": int(verdicts.get("violated", 0)),
-            "rules_not_verified": int(verdicts.get("not verified", 0)),
-        }
-        return {**dict.fromkeys(row, np.nan), **left_out} if not design.connected else row
+        table = table.reindex(columns=[column for column in LABELS if column != "pareto"])
+        return table.assign(pareto=self._optimal(table, CRITERIA))
 
     @staticmethod
     def _optimal(table: pd.DataFrame, columns: Sequence[str]) -> npt.NDArray[np.bool_]:
@@ -299,10 +300,9 @@ class Comparison:
             for design in self.designs.values():
                 if design.settings[name] != default[name]:
                     having.setdefault(shown(design.settings[name]), []).append(design.name)
-            for own in having.values():
-                value = self.designs[own[0]].settings[name]
-                which = "all" if len(own) == len(self.designs) else ", ".join(own)
-                kind = kind_of(name)
+            for using in having.values():
+                value, kind = self.designs[using[0]].settings[name], kind_of(name)
+                which = "all" if len(using) == len(self.designs) else ", ".join(using)
                 rows.append((name, value, default[name], kind.unit, kind.help, which))
         columns = ["name", "value", "default", "unit", "meaning", "designs"]
         return pd.DataFrame(rows, columns=columns)
@@ -372,9 +372,26 @@ class Comparison:
     def conclusions(self) -> list[str]:
         """Return the results of the comparison as sentences."""
         table = self._table
-        sentences = [*_alike("leave", _left_out(self.designs)), *_alike("violate", self._violated)]
+        left_out = {}
+        for name, design in self.designs.items():
+            if left := int((~design.points["fits"]).sum()):
+                counts = design.reasons["limit"].value_counts()
+                first = design.reasons.drop_duplicates("limit")
+                why = [
+                    f"{text} (and {more} more)" if (more := counts[limit] - 1) else text
+                    for limit, text in zip(first["limit"], first["text"], strict=True)
+                ]
+                of = f"out {left} of {len(design.points)} points"
+                left_out[name] = f"{of}: {'; '.join(why)}" if why else of
+        sentences = [*_alike("leave", left_out), *_alike("violate", self._violated)]
         sentences += _lengths(self.designs)
-        sentences += _alike("cost", _limits(self.quantities, self.designs))
+        limited = {}
+        for name, design in self.designs.items():
+            if loose := design.without_limits:
+                cost = self.quantities[name]["total_cost_eur"]
+                more = cost - loose.quantities()["total_cost_eur"]
+                limited[name] = f"{_than(more)} without the rules' response limits"
+        sentences += _alike("cost", limited)
         sentences += self._safe_points
         whole = table[table["points_left_out"] == 0]
         sentences = [f"{self.verdict[:1].upper()}{self.verdict[1:]}.", *sentences]
@@ -407,6 +424,8 @@ class Comparison:
         values = values.replace({"field_barriers": not onto})
         other = plan(self.iolist, self.site, name, settings=values, rules=self.rules)
         more = self.quantities[name]["total_cost_eur"] - other.quantities()["total_cost_eur"]
+        if np.isnan(more):  # the points without their barriers cannot be connected at all
+            return [f"{start}{'its box' if onto else 'the cabinet'}."]
         where, other_way = "the cabinet", "field_barriers, which connects such points to the bus"
         if onto:
             where, other_way = "its box", "home runs to barriers in the cabinet"
@@ -528,22 +547,14 @@ def compared(
     for design in given[1:]:
         if design.points["tag"].tolist() != tags:
             raise ArgumentError(f"designs {design.name!r} and {first.name!r} have different points")
-        if other := _differing(design, first):
-            raise ArgumentError(
-                f"designs {design.name!r} and {first.name!r} differ in {other}, so their costs "
-                "cannot be compared"
-            )
+        for name in ("cabinet", "detour", "tails", "assumptions"):
+            of = attrgetter("site.cabinet" if name == "cabinet" else f"settings.{name}")
+            if of(design) != of(first):
+                raise ArgumentError(
+                    f"designs {design.name!r} and {first.name!r} differ in {name}, so their costs "
+                    "cannot be compared"
+                )
     return Comparison(named, rules, rng, remarks)
-
-
-def _differing(a: Design, b: Design) -> str:
-    """Return the name of the first value that must be equal in two designs but is not, or ""."""
-    if a.site.cabinet != b.site.cabinet:
-        return "cabinet"
-    for name in ("detour", "tails", "assumptions"):
-        if getattr(a.settings, name) != getattr(b.settings, name):
-            return name
-    return ""
 
 
 def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
@@ -554,33 +565,25 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
     for design in designs.values():
         cables = design.cables
         kept.update(cables["b"][(cables["kind"] == "home run") & cables["route_m"].isna()])
-    mine = iolist.points["tag"].isin(kept).to_numpy() & iolist.located
-    if not mine.any():
+    both = iolist.points["tag"].isin(kept).to_numpy() & iolist.located
+    if not both.any():
         return
-    given = iolist.points["home_run_m"].to_numpy(float)[mine]
-    own = site.length(site.route(site.cabinet, iolist.places[mine]))
-    straight = np.linalg.norm(iolist.places[mine] - np.array(site.cabinet), axis=1)
+    given = iolist.points["home_run_m"].to_numpy(float)[both]
+    computed = site.length(site.route(site.cabinet, iolist.places[both]))
+    straight = np.linalg.norm(iolist.places[both] - np.array(site.cabinet), axis=1)
     if short := int((given < straight - ROUNDED).sum()):
         yield (
             f"{short} home run{'s' * (short > 1)} of the list {'are' if short > 1 else 'is'} "
             "shorter than the straight distance to the cabinet; the list's length is used."
         )
-    if np.abs(own - given).sum() > _ALIKE * given.sum():
+    if np.abs(computed - given).sum() > _ALIKE * given.sum():
         cabinet = ", ".join(f"{value:g}" for value in site.cabinet)
         yield (
             f"Home runs have the lengths in the list, {number(given.sum() / 1e3)} km in total for "
             f"{len(given)} points; computed from positions, with the cabinet at {cabinet} m, the "
-            f"total would be {number(own.sum() / 1e3)} km. Set list_lengths to false to use "
+            f"total would be {number(computed.sum() / 1e3)} km. Set list_lengths to false to use "
             "computed lengths."
         )
-
-
-def _limits(quantities: Mapping[str, Quantities], designs: Mapping[str, Design]) -> dict[str, str]:
-    """Return the cost of the rules' response limits, in words, for each design affected."""
-    loose = {name: each for name, design in designs.items() if (each := design.without_limits)}
-    cost = "total_cost_eur"
-    more = {name: quantities[name][cost] - loose[name].quantities()[cost] for name in loose}
-    return {name: f"{_than(more[name])} without the rules' response limits" for name in loose}
 
 
 def _than(more: float) -> str:
@@ -595,26 +598,6 @@ def _alike(verb: str, objects: Mapping[str, str]) -> Iterator[str]:
     for what in dict.fromkeys(objects.values()):
         names = [name for name in objects if objects[name] == what]
         yield f"{', '.join(names)} {verb}{'s' * (len(names) == 1)} {what}."
-
-
-def _left_out(designs: Mapping[str, Design]) -> dict[str, str]:
-    """Return how many points a design leaves out, and why, for each design that does."""
-    return {
-        name: f"out {left} of {len(design.points)} points{_why(design)}"
-        for name, design in designs.items()
-        if (left := int((~design.points["fits"]).sum()))
-    }
-
-
-def _why(design: Design) -> str:
-    """Return the first reason for each limit that a design exceeds, as text."""
-    counts = design.reasons["limit"].value_counts()
-    first = design.reasons.drop_duplicates("limit")
-    reasons = [
-        f"{text} (and {more} more)" if (more := counts[limit] - 1) else text
-        for limit, text in zip(first["limit"], first["text"], strict=True)
-    ]
-    return f": {'; '.join(reasons)}" if reasons else ""
 
 
 def _by_design(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from shipnet import style
-from shipnet.arrays import Bools, Floats
+from shipnet.arrays import Floats
 from shipnet.design.catalogue import LEVELS, Level, values_at, with_spare, words
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.layout import Layout
@@ -58,6 +58,10 @@ _DEVICES: dict[str, tuple[str, ...]] = {
 }
 
 
+#: Buses whose stations read their points by channels.
+_STATIONS = ("CAN", "Modbus RTU")
+
+
 def conductors_at_cabinet(design: Layout) -> int:
     """Count the conductors in use in the cables that enter the cabinet."""
     runs = design.cables
@@ -68,45 +72,26 @@ def items_of(design: Layout) -> dict[str, int]:
     """Return the number of each part and task of a design, by the name of its price or time."""
     analogue = design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
-    items = {**_devices(design, analogue), **_channels(design, analogue)}
-    items["second_interface"] = _second_interfaces(design)
+    devices, items = design.devices, Counter[str]()
+    segments = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
+    for kind, segment in zip(devices["kind"], devices["segment"], strict=True):
+        items.update(_DEVICES.get(f"{segments.get(segment, '')} {kind}", _DEVICES[kind]))
+    modules = set(devices.loc[devices["kind"] == "module", "device"])
+    drops = design.cables[design.cables["b"].isin(design.points["tag"].to_numpy()[analogue])]
+    of_analogue = len(modules & {*design.points["device"][analogue], *drops["a"]})
+    items.update({"asi_analogue_module": of_analogue, "asi_module": -of_analogue})
+    bus, spare = design.points["bus"].to_numpy(), design.settings.spare
+    for reader, read in (("plc", bus == "hardwired"), ("station", np.isin(bus, _STATIONS))):
+        for kind, mask in (("digital", read & ~analogue), ("analogue", read & analogue)):
+            items[f"{reader}_{kind}_channel"] = with_spare(int(mask.sum()), spare)
+    # A station connected to both lines of a redundant pair has a second interface.
+    trunk = design.cables[design.cables["kind"] == "trunk"]
+    a, b = (trunk.loc[trunk["line"] == line, ["a", "b"]].to_numpy().ravel() for line in "AB")
+    stations = devices["device"][devices["kind"] == "station"]
+    items["second_interface"] = len({*a} & {*b} & {*stations})
     items["barrier"] = items["barrier_time"] = int(safe.sum())
     items["gland"] = items["gland_time"] = 2 * len(design.cables)
     return {name: number for name, number in items.items() if number}
-
-
-def _devices(design: Layout, analogue: Bools) -> dict[str, int]:
-    devices = design.devices
-    bus = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
-    items = Counter[str]()
-    for kind, segment in zip(devices["kind"], devices["segment"], strict=True):
-        items.update(_DEVICES.get(f"{bus.get(segment, '')} {kind}", _DEVICES[kind]))
-    modules = set(devices.loc[devices["kind"] == "module", "device"])
-    if number := len(modules.intersection(design.points["device"].to_numpy()[analogue])):
-        items["asi_analogue_module"] = number
-        items["asi_module"] -= number
-    return items
-
-
-def _second_interfaces(design: Layout) -> int:
-    """Count the stations connected to both lines of a redundant pair."""
-    trunk = design.cables[design.cables["kind"] == "trunk"]
-    a, b = (trunk.loc[trunk["line"] == line, ["a", "b"]].to_numpy().ravel() for line in "AB")
-    stations = design.devices["device"][design.devices["kind"] == "station"]
-    return len({*a} & {*b} & {*stations})
-
-
-def _channels(design: Layout, analogue: Bools) -> dict[str, int]:
-    """Count the channels of the cabinet and of the stations, with spares."""
-    bus, spare = design.points["bus"].to_numpy(), design.settings.spare
-    wired, station = bus == "hardwired", (bus == "CAN") | (bus == "Modbus RTU")
-    used = {
-        "plc_digital_channel": wired & ~analogue,
-        "plc_analogue_channel": wired & analogue,
-        "station_digital_channel": station & ~analogue,
-        "station_analogue_channel": station & analogue,
-    }
-    return {name: with_spare(int(own.sum()), spare) for name, own in used.items()}
 
 
 # The figures of a design, each with a low, nominal and high value --------------------------------
@@ -131,14 +116,14 @@ FIGURES: Mapping[str, tuple[str, str]] = MappingProxyType(
 )
 
 #: Columns of a comparison, with a label and a unit for each.
-_LABELS: Mapping[str, tuple[str, str]] = {
-    **FIGURES,
+LABELS: Mapping[str, tuple[str, str]] = {
     "points_left_out": ("points left out", ""),
+    **FIGURES,
     "total_cost_low_eur": ("total cost, low", "EUR"),
     "total_cost_high_eur": ("total cost, high", "EUR"),
-    "worst_response_ms": ("worst response", "ms"),
     "bus_time": ("bus time", ""),
     "capacity_used": ("capacity used", ""),
+    "worst_response_ms": ("worst response", "ms"),
     "lost_by_cable": ("lost by one cable", ""),
     "lost_by_device": ("lost by one device", ""),
     "lost_by_failure": ("lost by one failure", ""),
@@ -150,12 +135,12 @@ _LABELS: Mapping[str, tuple[str, str]] = {
 
 #: Columns that decide which designs are Pareto-optimal (lower is better), and their names.
 CRITERIA = ("total_cost_eur", "worst_response_ms", "lost_by_failure")
-WEIGHED = "{}, {} and points {}".format(*(_LABELS[name][0] for name in CRITERIA))
+WEIGHED = "{}, {} and points {}".format(*(LABELS[name][0] for name in CRITERIA))
 
 
 def label(column: str) -> str:
     """Return the label of a column of a comparison, with its unit in brackets."""
-    words, unit = _LABELS.get(column, (column, ""))
+    words, unit = LABELS.get(column, (column, ""))
     return f"{words} [{unit}]" if unit else words
 
 
@@ -183,6 +168,8 @@ EXCLUDED = (
     "commissioning and training",
     "class approval and type approval",
     "spare parts",
+    "what a point needs to be wired to two modules of doubled AS-i lines at once, which is assumed "
+    "to be possible: a second contact, diodes, or two inputs in one current loop",
     "cable trays, penetrations and the cabinet itself",
     "cable offcuts, and the termination of spare conductors and screens",
     "operation, maintenance and the cost of a failure",
@@ -281,8 +268,8 @@ class Model:
     def names(self) -> list[str]:
         """Names of the assumptions that the figures depend on; cable assumptions come first."""
         factors = ["laid_length", "cable_diameter"] if self.cables else []
-        own = [*factors, "labour_rate", *self.items]
-        return [*(CABLE_RANGES if self.cables else ()), *(n for n in self.assumptions if n in own)]
+        used = [*factors, "labour_rate", *self.items]
+        return [*(CABLE_RANGES if self.cables else ()), *(n for n in self.assumptions if n in used)]
 
     def figures(
         self, levels: Mapping[str, Level] | None = None, *, others: Level = "nominal"
@@ -298,14 +285,14 @@ class Model:
             return values_at(ranges, given.get(name, others))
 
         def due(unit: str) -> Floats | float:
-            items = self.items.items()
-            fits = [(name, n) for name, n in items if self.assumptions.entry(name).unit == unit]
-            return sum((n * at(name)[..., 0] for name, n in fits), start=0.0)
+            entry, items = self.assumptions.entry, self.items.items()
+            terms = (n * at(name)[..., 0] for name, n in items if entry(name).unit == unit)
+            return sum(terms, start=0.0)
 
         length = laid["length_m"] * at("laid_length")
         section_m2 = self._section * at("cable_diameter") ** 2
-        labour = (length * at("laying_time") + laid["ends"] * at("termination_time")).sum(-1)
-        labour = labour + due("h")
+        ends = laid["ends"] * at("termination_time")
+        labour = (length * at("laying_time") + ends).sum(-1) + due("h")
         cable_cost = (length * at("cable_price")).sum(-1)
         hardware_cost = due("EUR")
         labour_cost = labour * at("labour_rate")[..., 0]
@@ -330,10 +317,10 @@ class Model:
     def used(self) -> pd.DataFrame:
         """Table of the assumptions in use: name, low, nominal, high, unit, status and source."""
         rows = [
-            (f"{words(name)} of {cable.id}", *getattr(cable, field), unit, cable.status,
-             cable.source)
-            for name, (field, unit) in CABLE_RANGES.items() for cable in self.cables.values()
-        ]  # fmt: skip
+            (f"{words(name)} of {c.id}", *getattr(c, field), unit, c.status, c.source)
+            for name, (field, unit) in CABLE_RANGES.items()
+            for c in self.cables.values()
+        ]
         for name in self.names:
             if name not in CABLE_RANGES:
                 entry = self.assumptions.entry(name)
@@ -499,9 +486,9 @@ class Tornado:
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
         low, high = self.ends["low"], self.ends["high"]
-        said = [f"{words(one)} ({number(low[one])} to {number(high[one])})" for one in self.top()]
+        swings = [f"{words(one)} ({number(low[one])} to {number(high[one])})" for one in self.top()]
         what = f"{self.subject} is {number(self.at_nominal)}{unit}"
-        return f"{what}; what matters most: {', '.join(said) or 'no assumption'}"
+        return f"{what}; what matters most: {', '.join(swings) or 'no assumption'}"
 
 
 def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> Tornado:
@@ -514,14 +501,15 @@ def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> To
     names = list(dict.fromkeys(name for option in pair for name in models[option].names))
     columns = {
         f"{option} at {level}": [models[option].figures({name: level})[figure] for name in names]
-        for option in pair for level in LEVELS[::2]
-    }  # fmt: skip
+        for option in pair
+        for level in LEVELS[::2]
+    }
     table = pd.DataFrame(columns, index=pd.Index(names, name="assumption"), dtype=float)
-    found = Tornado(figure, pair, {option: nominal[option] for option in pair}, table)
+    result = Tornado(figure, pair, {option: nominal[option] for option in pair}, table)
     if len(pair) == 2:
         for level in ("low", "high"):
             a, b = (table[f"{option} at {level}"] for option in pair)
             table[f"difference at {level}"] = a - b
-        table["order changes"] = (found.ends * found.at_nominal < 0).any(axis=1)
-    table["swing"] = (found.ends["high"] - found.ends["low"]).abs()
-    return replace(found, every=table.sort_values("swing", ascending=False, kind="stable"))
+        table["order changes"] = (result.ends * result.at_nominal < 0).any(axis=1)
+    table["swing"] = (result.ends["high"] - result.ends["low"]).abs()
+    return replace(result, every=table.sort_values("swing", ascending=False, kind="stable"))

@@ -40,13 +40,14 @@ class Design(Layout):
         Position of the cabinet, and the allowances `detour` and `tails` in cable lengths.
     points : pandas.DataFrame
         One row per point, in the order of the list: tag, bus, segment, device, address,
-        response_ms, fits, planned_update_ms. An unconnected point has no bus; a point whose device
-        violates a supply limit has a bus but does not fit. `reasons` says why a point does not fit.
-        The planned update time on a bus is that of the list or the settings, or a rule's response
-        limit if that is shorter.
+        response_ms, fits, planned_update_ms. On doubled AS-i lines, the device is the module on
+        line A. An unconnected point has no bus; a point whose device violates a supply limit has a
+        bus but does not fit. `reasons` says why a point does not fit. The planned update time on a
+        bus is that of the list or the settings, or a rule's response limit if that is shorter.
     devices : pandas.DataFrame
         One row per device, such as the cabinet, a box, a module or a supply: device (its name),
-        kind, segment, x_m, y_m, z_m, and at (the device whose housing contains it, or "").
+        kind, segment, x_m, y_m, z_m, at (the device whose housing contains it, or ""), and line
+        ("A" or "B" if it belongs to one line of a doubled segment, otherwise "").
     cables : pandas.DataFrame
         One row per cable: run (its name), cable (its type in the catalogue), a and b (its ends),
         segment, kind, route_m, length_m, used, conductors, at_cabinet and line.
@@ -124,11 +125,11 @@ class Design(Layout):
 
     def files(self) -> Iterator[tuple[str, bytes]]:
         """Yield the name and the content of each file that `save` writes."""
-        found = self.tables()
-        for name, table in found.items():
+        named = self.tables()
+        for name, table in named.items():
             yield f"{name}.csv", as_csv(table, digits=10)
         if find_spec("openpyxl"):
-            yield f"{tables.file_name(self.name)}.xlsx", as_workbook(found)
+            yield f"{tables.file_name(self.name)}.xlsx", as_workbook(named)
         yield f"{tables.file_name(self.name)}.svg", self.single_line().encode()
         yield "settings.toml", self.settings.text().encode()
 
@@ -146,9 +147,9 @@ class Design(Layout):
         points = self.iolist.points.set_index("tag")[["x_m", "y_m"]]
         places = pd.concat([at, points])
         for kind, colour in _COLOURS.items():
-            own = self.cables[self.cables["kind"] == kind]
-            if len(own):
-                ends = np.stack([places.loc[own[end]] for end in ("a", "b")], axis=1)
+            runs = self.cables[self.cables["kind"] == kind]
+            if len(runs):
+                ends = np.stack([places.loc[runs[end]] for end in ("a", "b")], axis=1)
                 draw_cables(ax, ends, colour, kind)
         boxes = self.devices[self.devices["kind"].isin(["box", "module", "station"])]
         ax.plot(boxes["x_m"], boxes["y_m"], "s", color="0.25", markersize=4, label="box or module")

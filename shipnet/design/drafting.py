@@ -73,15 +73,22 @@ def balanced(
         return np.zeros(len(xyz), dtype=np.intp)
     kind = np.broadcast_to(np.asarray(kinds, dtype=np.intp), len(xyz))
     room = most or [ceil(count / groups) for count in np.bincount(kind)]
-    centres = _first_centres(xyz, groups)
+    # The first centres divide the places equally along the longest axis through them.
+    middle = xyz - xyz.mean(axis=0)
+    extent = np.linalg.svd(middle, full_matrices=False)[2][0]
+    order = np.argsort(middle @ extent, kind="stable")
+    centres = np.tile(xyz[order[-1]], (groups, 1))
+    sizes = [len(chunk) for chunk in np.array_split(order, groups)]
+    used, at = medians(xyz[order], np.repeat(np.arange(groups), sizes))
+    centres[used] = at
     labels = np.full(len(xyz), -1, dtype=np.intp)
     for _ in range(_ROUNDS):
         away = cdist(xyz, centres, "cityblock")
         moved = np.empty_like(labels)
         for number, seats in enumerate(room):
-            mine = np.flatnonzero(kind == number)
-            at, seat = linear_sum_assignment(np.repeat(away[mine], seats, axis=1))
-            moved[mine[at]] = seat // max(seats, 1)
+            of_kind = np.flatnonzero(kind == number)
+            at, seat = linear_sum_assignment(np.repeat(away[of_kind], seats, axis=1))
+            moved[of_kind[at]] = seat // max(seats, 1)
         if (moved == labels).all():
             break
         labels = moved
@@ -116,10 +123,19 @@ def divided(
         result, parts = judge(group)
         pieces: list[list[Item]] = []
         if parts > 1 and len(group) > 1:
-            labels = _apart(np.array([place(item) for item in group], dtype=float), parts)
+            xyz = np.array([place(item) for item in group], dtype=float)
+            if len(group) > _MANY:
+                labels = _halves(xyz).astype(np.intp)
+            elif parts < inf:
+                labels = balanced(xyz, min(ceil(parts), len(group)))
+            else:
+                tree = linkage(xyz, "complete", "cityblock")
+                labels = fcluster(tree, 2, "maxclust").astype(np.intp)
+                if labels.min() == labels.max():  # all in one place: in two groups alternately
+                    labels = np.arange(len(group)) % 2
             pieces = [
-                [item for item, label in zip(group, labels, strict=True) if label == own]
-                for own in dict.fromkeys(labels.tolist())
+                [item for item, label in zip(group, labels, strict=True) if label == number]
+                for number in dict.fromkeys(labels.tolist())
             ]
         elif parts > 1 and halve is not None:
             pieces = [[piece] for piece in halve(group[0])]
@@ -127,27 +143,6 @@ def divided(
             done.append((group, result))
         waiting = pieces + waiting
     return done
-
-
-def _apart(xyz: Floats, parts: float) -> Indices:
-    if len(xyz) > _MANY:
-        return _halves(xyz).astype(np.intp)
-    if parts < inf:
-        return balanced(xyz, min(ceil(parts), len(xyz)))
-    labels = fcluster(linkage(xyz, "complete", "cityblock"), 2, "maxclust").astype(np.intp)
-    # If all items are in one place, they are put into two groups alternately.
-    return labels if len(np.unique(labels)) > 1 else np.arange(len(xyz)) % 2
-
-
-def _first_centres(xyz: Floats, groups: int) -> Floats:
-    middle = xyz - xyz.mean(axis=0)
-    extent = np.linalg.svd(middle, full_matrices=False)[2][0]
-    order = np.argsort(middle @ extent, kind="stable")
-    centres = np.tile(xyz[order[-1]], (groups, 1))
-    sizes = [len(chunk) for chunk in np.array_split(order, groups)]
-    used, middle = medians(xyz[order], np.repeat(np.arange(groups), sizes))
-    centres[used] = middle
-    return centres
 
 
 def _halves(xyz: Floats) -> Bools:
@@ -182,8 +177,20 @@ def chain(away: Floats) -> list[int]:
     n = len(away)
     if n < 3:
         return list(range(n))
+    onward: list[list[int]] = [[] for _ in range(n)]
+    below = np.ones(n, dtype=np.intp)
+    edges = tree(away)
+    for near, far in edges:
+        onward[near].append(far)
+    for near, far in reversed(edges):
+        below[near] += below[far]
+    walk, waiting = list[int](), [0]
+    while waiting:
+        walk.append(waiting.pop())
+        # The largest branch comes last, because the route does not return from the last branch.
+        waiting += sorted(onward[walk[-1]], key=lambda other: -below[other])
     # An extra place at zero distance from all others lets the chain end anywhere.
-    order = np.append(_walk(tree(away), n), n)
+    order = np.append(walk, n)
     padded = np.zeros((n + 1, n + 1))
     padded[:n, :n] = away
     first, last = (1 + ends for ends in np.triu_indices(n - 1, 0))
@@ -197,22 +204,6 @@ def chain(away: Floats) -> list[int]:
         order[start:end] = order[start:end][::-1].copy()
 
 
-def _walk(edges: list[tuple[int, int]], n: int) -> list[int]:
-    onward: list[list[int]] = [[] for _ in range(n)]
-    below = np.ones(n, dtype=np.intp)
-    for near, far in edges:
-        onward[near].append(far)
-    for near, far in reversed(edges):
-        below[near] += below[far]
-    order, waiting = [], [0]
-    while waiting:
-        place = waiting.pop()
-        order.append(place)
-        # The largest branch comes last, because the route does not return from the last branch.
-        waiting += sorted(onward[place], key=lambda other: -below[other])
-    return order
-
-
 # A draft: planners add devices and cables; routes and feeders follow at the end -----------------
 
 Place = tuple[float, float, float]
@@ -223,8 +214,8 @@ class Laid(NamedTuple):
 
     start: Place
     end: Place
-    length: float = np.nan
     share: float = 1.0
+    length: float = np.nan
 
 
 @dataclass(eq=False)
@@ -250,10 +241,9 @@ class Draft:
         self.wires = points["conductors"].to_numpy(np.int64) + self.common
         self.types: list[str] = points["type"].tolist()
         self.tags: list[str] = points["tag"].tolist()
-        self._point: dict[str, npt.NDArray[Any]] = {
-            name: np.full(n, "", dtype=object) for name in ("bus", "segment", "device", "address")
-        }
-        self._response = np.full(n, np.nan)
+        texts = ("bus", "segment", "device", "address")
+        self._point: dict[str, npt.NDArray[Any]] = {name: np.full(n, "", object) for name in texts}
+        self._point["response_ms"] = np.full(n, np.nan)
         self._taken = set(self.tags)
         self._numbers: Counter[tuple[str, str]] = Counter()
         self.in_cabinet: set[str] = set()
@@ -262,16 +252,16 @@ class Draft:
         self.cabinet = self.device("cabinet", "cabinet", "", self.middle)
         self.in_cabinet.add(self.cabinet)
 
-    def device(self, name: str, kind: str, segment: str, place: Place, at: str = "") -> str:
+    def device(
+        self, name: str, kind: str, segment: str, place: Place, at: str = "", line: str = ""
+    ) -> str:
         """Add a device, and return its name, with a number if the name is taken."""
         free = self._free(name)
         if at and at in self.in_cabinet:
             self.in_cabinet.add(free)
         x, y, z = place
-        self._rows["devices"].append(
-            {"device": free, "kind": kind, "segment": segment, "x_m": x, "y_m": y, "z_m": z,
-             "at": at}
-        )  # fmt: skip
+        row = {"device": free, "kind": kind, "segment": segment, "at": at, "line": line}
+        self._rows["devices"].append({**row, "x_m": x, "y_m": y, "z_m": z})
         return free
 
     def _free(self, name: str) -> str:
@@ -295,17 +285,17 @@ class Draft:
     ) -> None:
         """Add a cable, named after its point, or numbered within its segment or box."""
         a, b = ends
-        name = f"{kind} {b}"
+        suffix = f" {line}" if line else ""
+        name = f"{kind} {b}{suffix}"
         if kind in ("trunk", "feeder"):
             of = f"{segment or b} {kind}"
             self._numbers[of, line] += 1
-            name = f"{of} {self._numbers[of, line]}{f' {line}' if line else ''}"
-        self._rows["cables"].append(
-            {"run": self._free(name), "cable": cable.id, "a": a, "b": b,
-             "segment": segment, "kind": kind, "used": used, "conductors": cable.conductors,
-             "at_cabinet": a in self.in_cabinet or b in self.in_cabinet, "line": line,
-             "start": laid.start, "end": laid.end, "length": laid.length, "share": laid.share}
-        )  # fmt: skip
+            name = f"{of} {self._numbers[of, line]}{suffix}"
+        row: dict[str, Any] = {"run": self._free(name), "cable": cable.id, "a": a, "b": b}
+        row |= {"segment": segment, "kind": kind, "line": line}
+        row |= {"used": used, "conductors": cable.conductors}
+        row["at_cabinet"] = not self.in_cabinet.isdisjoint(ends)
+        self._rows["cables"].append({**row, **laid._asdict()})
 
     def given_lengths(self, column: str) -> Floats:
         """Return the lengths given in a column of the list [m]; NaN where they must be computed."""
@@ -314,22 +304,22 @@ class Draft:
             lengths[self.iolist.located] = np.nan
         return lengths
 
-    def drop(self, row: int, device: str, place: Place, segment: str, length: float) -> None:
+    def drop(
+        self, row: int, device: str, place: Place, segment: str, length: float, line: str = ""
+    ) -> None:
         """Add the cable from a device to a point."""
         wires = int(self.wires[row])
-        laid = Laid(place, self.spots[row], length)
+        laid = Laid(place, self.spots[row], length=length)
         cable = smallest(wires, spare=0)
-        self.run("drop", (device, self.tags[row]), laid, cable, wires, segment)
+        self.run("drop", (device, self.tags[row]), laid, cable, wires, segment, line)
 
     def connect(
         self, row: int, bus: str, segment: str, device: str, address: str, response: float
     ) -> None:
         """Record how a point is connected, with its response time [s]."""
-        for column, value in zip(
-            self._point.values(), (bus, segment, device, address), strict=True
-        ):
+        values = bus, segment, device, address, 1e3 * response
+        for column, value in zip(self._point.values(), values, strict=True):
             column[row] = value
-        self._response[row] = response
 
     def segments(self, bus: str) -> int:
         """Return the number of segments of a bus so far."""
@@ -337,20 +327,18 @@ class Draft:
 
     def segment(self, rows: Indices, **columns: Any) -> None:
         """Add a segment, with the response and update time of the point nearest to its limit."""
-        nearest = rows[(self._response[rows] / self.need[rows]).argmax()]
-        self._rows["segments"].append(
-            {"points": len(rows), "response_ms": 1e3 * self._response[nearest],
-             "slowest_update_ms": 1e3 * self.need[nearest], **columns}
-        )  # fmt: skip
+        late = self._point["response_ms"][rows]
+        near = (late / self.need[rows]).argmax()
+        row = {"points": len(rows), "response_ms": late[near]}
+        row["slowest_update_ms"] = 1e3 * self.need[rows[near]]
+        self._rows["segments"].append({**row, **columns})
 
     def reason(
         self, subject: str, limit: str, value: float, bound: float, unit: str, text: str
     ) -> None:
         """Record why a point or a cable does not fit."""
-        self._rows["reasons"].append(
-            {"subject": subject, "limit": limit, "value": value, "bound": bound, "unit": unit,
-             "text": text}
-        )  # fmt: skip
+        row = {"subject": subject, "limit": limit, "value": value, "bound": bound, "unit": unit}
+        self._rows["reasons"].append({**row, "text": text})
 
     def too_slow(self, row: int, least: float, words: str) -> None:
         """Record that a point needs an update time below `least` [s], the shortest possible."""
@@ -360,15 +348,11 @@ class Draft:
 
     def made(self, name: str) -> Design:
         """Return the design, with all routes and lengths."""
-        points = frame(
-            "points",
-            {"tag": self.tags, **self._point, "response_ms": self._response * 1e3,
-             "fits": self._point["bus"] != "",
-             # Rounded to a nanosecond, because a rule's limit is reduced by less.
-             "planned_update_ms": np.where(
-                 np.isin(self._point["bus"], ["", "hardwired"]), np.nan, (1e3 * self.need).round(6)
-             )},
-        )  # fmt: skip
+        on_bus = ~np.isin(self._point["bus"], ["", "hardwired"])
+        columns = {"tag": self.tags, **self._point, "fits": self._point["bus"] != ""}
+        # Rounded to a nanosecond, because a rule's limit is reduced by less.
+        columns["planned_update_ms"] = np.where(on_bus, (1e3 * self.need).round(6), np.nan)
+        points = frame("points", columns)
         runs = self._runs(self._rows["cables"])
         devices, segments, reasons = (
             frame(t, self._rows[t]) for t in ("devices", "segments", "reasons")
@@ -398,7 +382,8 @@ class Draft:
                 given |= {"x_m": x, "y_m": y, "z_m": z, "at": ""}
                 self.in_cabinet.discard(name)
             else:
-                name = self.device(name, given["kind"], row["segment"], row["end"])
+                kind, segment, line = given["kind"], row["segment"], row["line"]
+                name = self.device(name, kind, segment, row["end"], line=line)
             row |= {"a": name, "start": row["end"], "at_cabinet": False}
             if self.settings.fed:
                 laid = Laid(self.middle, row["end"])
@@ -406,11 +391,8 @@ class Draft:
                 self.run("feeder", ends, laid, mains, PAIR, row["segment"], row["line"])
         for device, value, bound, unit in wanted.weak:
             verb = "draws" if unit == "A" else "gets"
-            text = (
-                f"{device} {verb} {value:.3g} {unit} from a supply beside it; the limit is "
-                f"{bound:.3g} {unit}"
-            )
-            self.reason(device, "supply", value, bound, unit, text)
+            text = f"{device} {verb} {value:.3g} {unit} from a supply beside it; the limit is "
+            self.reason(device, "supply", value, bound, unit, f"{text}{bound:.3g} {unit}")
         for column in ("cable", "conductors"):
             runs[column] = [row[column] for row in rows[:old]]
         near = list(wanted.own)
@@ -421,12 +403,11 @@ class Draft:
         if not rows:
             return frame("cables")
         start, end, share, given = (
-            np.array([row[name] for row in rows], dtype=float)
-            for name in ("start", "end", "share", "length")
+            np.array([row[name] for row in rows], dtype=float) for name in Laid._fields
         )
         route = np.where(np.isnan(given), self.site.route(start, end) * share, np.nan)
-        own = self.site.detour * route + self.site.tails * share
-        lengths = {"route_m": route, "length_m": np.where(np.isnan(given), own, given)}
+        computed = self.site.detour * route + self.site.tails * share
+        lengths = {"route_m": route, "length_m": np.where(np.isnan(given), computed, given)}
         named = [name for name in COLUMNS["cables"] if name not in lengths]
         return frame("cables", {name: [row[name] for row in rows] for name in named} | lengths)
 
@@ -441,6 +422,12 @@ class Box(NamedTuple):
     place: Place
     rows: Indices
     lengths: Floats
+
+    @classmethod
+    def at(cls, name: str, places: Floats, rows: Indices, lengths: Floats) -> Box:
+        """Return a box at the median of some places."""
+        x, y, z = np.median(places, axis=0).tolist()
+        return cls(name, (x, y, z), rows, lengths)
 
     def part(self, chosen: Indices) -> Box:
         """Return the box with only some of its points, given by their indices in `rows`."""
@@ -462,25 +449,25 @@ def boxes(draft: Draft, rows: Indices) -> list[Box]:
     given = draft.given_lengths("to_box_m")
     located = draft.iolist.located
     limits = draft.settings.boxes
-    found: list[Box] = []
+    made: list[Box] = []
     for name in filter(None, dict.fromkeys(names[rows])):
-        mine = rows[names[rows] == name]
-        places = at_box[mine][np.isfinite(at_box[mine]).all(axis=1)]
+        inside = rows[names[rows] == name]
+        places = at_box[inside][np.isfinite(at_box[inside]).all(axis=1)]
         if not len(places):
-            places = draft.places[mine][located[mine]]
-        reached = (np.isfinite(given[mine]) | located[mine]) & (len(places) > 0)
-        without_place(draft, mine[~reached])
+            places = draft.places[inside][located[inside]]
+        reached = (np.isfinite(given[inside]) | located[inside]) & (len(places) > 0)
+        without_place(draft, inside[~reached])
         if reached.any():
-            found.append(_box(str(name), places, mine[reached], given[mine[reached]]))
+            made.append(Box.at(str(name), places, inside[reached], given[inside[reached]]))
     loose = rows[names[rows] == ""]
     without_place(draft, loose[~located[loose]])
     loose = loose[located[loose]]
     labels = zones(draft.places[loose], reach=limits.reach, most=limits.points)
     for number in range(labels.max(initial=-1) + 1):
-        mine = loose[labels == number]
-        nothing = np.full(len(mine), np.nan)
-        found.append(_box(f"box {number + 1}", draft.places[mine], mine, nothing))
-    return found
+        inside = loose[labels == number]
+        lengths = np.full(len(inside), np.nan)
+        made.append(Box.at(f"box {number + 1}", draft.places[inside], inside, lengths))
+    return made
 
 
 def without_place(draft: Draft, rows: Indices) -> None:
@@ -489,11 +476,6 @@ def without_place(draft: Draft, rows: Indices) -> None:
         tag = draft.tags[row]
         text = f"the list gives no position for {tag}, so no device can be placed near it"
         draft.reason(tag, "place", np.nan, np.nan, "m", text)
-
-
-def _box(name: str, places: Floats, rows: Indices, lengths: Floats) -> Box:
-    x, y, z = (float(value) for value in np.median(places, axis=0))
-    return Box(name, (x, y, z), rows, lengths)
 
 
 # The trunk of a segment: the order of its stations, its second line, and its ends ---------------
@@ -540,23 +522,23 @@ def lay(
     names = [draft.device(f"{bus} {box.name}", "station", segment, box.place) for box in stations]
     places = [draft.middle, *(box.place for box in stations)]
     hops, feeder = list(pairwise(places)), cables()[draft.settings.feeder]
+
+    def add(kind: str, line: str, here: int, at: str, name: str = segment) -> str:
+        device = f"{name} {kind} {line}".rstrip()
+        return draft.device(device, kind.split()[0], segment, places[here], at, line)
+
     for line in ("A", "B") if doubled else ("",):
-        of = f" {line}" if line else ""
-        master = draft.device(f"{segment} master{of}", "master", segment, places[0], draft.cabinet)
+        master = add("master", line, 0, draft.cabinet)
         # If a station has a repeater, the trunk cable to the next station starts at the repeater.
         leaving = [master, *names]
         for place in repeaters:
-            name, here = names[place], places[place + 1]
-            leaving[place + 1] = draft.device(
-                f"{name} repeater{of}", "repeater", segment, here, name
-            )
+            leaving[place + 1] = add("repeater", line, place + 1, names[place], names[place])
         for (near, far), run in zip(hops, zip(leaving, names, strict=False), strict=True):
             draft.run("trunk", run, Laid(near, far), cables()[cable], PAIR, segment, line)
-        for number, (at, here) in enumerate([(master, places[0]), (names[-1], places[-1])], 1):
-            draft.device(f"{segment} terminator {number}{of}", "terminator", segment, here, at)
+        add("terminator 1", line, 0, master)
+        add("terminator 2", line, -1, names[-1])
         if draft.settings.fed:
-            name = f"{segment} supply{of}"
-            supply = draft.device(name, "supply", segment, places[0], draft.cabinet)
+            supply = add("supply", line, 0, draft.cabinet)
             for (near, far), run in zip(hops, pairwise([supply, *names]), strict=True):
                 draft.run("feeder", run, Laid(near, far), feeder, PAIR, segment, line)
     return names

@@ -149,7 +149,9 @@ def _rows(design: Layout) -> Iterator[_Row]:
     devices, trunks = defaultdict[str, list[_Device]](list), defaultdict[str, list[_Trunk]](list)
     feeders = design.cables[design.cables["kind"] == "feeder"]
     fed = dict(zip(feeders["a"].tolist(), feeders["b"].tolist(), strict=True))
-    for segment, name, kind, at in _values(design.devices, "segment", "device", "kind", "at"):
+    # Of a doubled segment, only line A is drawn.
+    first = design.devices[design.devices["line"] != "B"]
+    for segment, name, kind, at in _values(first, "segment", "device", "kind", "at"):
         # A supply without a housing is drawn beside the device that it feeds.
         devices[segment].append((name, kind, at or fed.get(name, "")))
     laid = design.cables[design.cables["kind"] == "trunk"]
@@ -245,7 +247,7 @@ def _tree(
             nodes.get(a, root).children.append(nodes[b])
     # A repeater in a housing is drawn below the device there; in the cabinet, below the master.
     for name, kind, at in devices:
-        if kind == "repeater" and name not in children and not name.endswith(" B"):
+        if kind == "repeater" and name not in children:
             nodes.get(at, root).children.append(nodes[name])
     for name, kinds in inside.items():
         drawn = nodes.get(name, root).row
@@ -260,19 +262,19 @@ def _laid(root: _Node, *, star: bool) -> Sequence[_Row]:
     # The devices still to draw, each with its parent's row and lane, and its own lane.
     waiting: list[tuple[_Node, int, int, int]] = [(root, -1, -1, 0)]
     while waiting:
-        node, parent, lane, own = waiting.pop()
+        node, parent, lane, at = waiting.pop()
         here = len(rows)
-        row, row.lane = node.row, own
+        row, row.lane = node.row, at
         rows.append(row)
         if parent >= 0:
             last[parent] = here, lane
             row.above.add(lane)
-            row.branch = lane if own != lane else -1
+            row.branch = lane if at != lane else -1
         if star:
-            waiting += [(child, here, own, own + 1) for child in reversed(node.children)]
+            waiting += [(child, here, at, at + 1) for child in reversed(node.children)]
         else:
             ordered = sorted(node.children, key=lambda child: -child.size)
-            waiting += [(child, here, own, own + (n > 0)) for n, child in enumerate(ordered)]
+            waiting += [(child, here, at, at + (n > 0)) for n, child in enumerate(ordered)]
     for parent, (end, lane) in last.items():
         rows[parent].below.add(lane)
         for row in rows[parent + 1 : end]:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Collection, Sequence
 from itertools import chain
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet.arrays import Bools, Integers
 from shipnet.design.layout import Layout
@@ -38,60 +34,142 @@ _SHELLS = ("box", "cabinet")
 _CHUNK = 2**21
 
 
-@dataclass(frozen=True, eq=False)
 class Reach:
     """A planned design as arrays; runs and devices are identified by row number in its tables."""
 
-    design: Layout
+    def __init__(self, design: Layout) -> None:
+        self.design = design
+        points, devices, runs = design.points, design.devices, design.cables
+        index = {name: n for n, name in enumerate(devices["device"])}
+        self.kinds = kinds = devices["kind"].to_numpy(str)
+        self._cabinet = cabinet = index[design.cabinet]
+        self.at_point = runs["kind"].isin(["drop", "home run"]).to_numpy()
+        # Devices at the ends of every run, shape (n_runs, 2); -1 stands for a point.
+        ends = [[index.get(name, -1) for name in runs["a"]]]
+        ends += [[index.get(name, -1) for name in runs["b"].where(~self.at_point, "")]]
+        self._ends = np.array(ends, np.int64).reshape(2, -1).T
+        asi = design.segments.query("bus == 'AS-i'")["segment"]
+        self._asi, of_asi = runs["segment"].isin(asi).to_numpy(), devices["segment"].isin(asi)
+        trunk, feeder = ((runs["kind"] == kind).to_numpy() for kind in ("trunk", "feeder"))
+        self._feeders = feeder
 
-    @cached_property
-    def kinds(self) -> npt.NDArray[Any]:
-        """Kind of each device."""
-        return self.design.devices["kind"].to_numpy(str)
+        # Point, device and run of each connection of a point; run -1 means no cable.
+        row = {tag: n for n, tag in enumerate(points["tag"])}
+        wired = np.flatnonzero(self.at_point)
+        tags = runs["b"].to_numpy(object)[wired]
+        bare = points[(points["device"] != "") & ~points["tag"].isin(tags)]
+        self._wires = (
+            np.array([row[tag] for tag in tags] + bare.index.tolist(), np.int64),
+            np.array([*self._ends[wired, 0], *map(index.get, bare["device"])], np.int64),
+            np.concatenate([wired, np.full(len(bare), -1)]),
+        )
 
-    @cached_property
-    def at_point(self) -> Bools:
-        """True for each run that ends at a point."""
-        return self.design.cables["kind"].isin(["drop", "home run"]).to_numpy()
+        # Each device in a housing, with the housing; then with the device it connects to, which
+        # is its master for a repeater or a supply in the cabinet. Shape (n, 2).
+        housing = np.array([index.get(at, -1) for at in devices["at"]], np.int64)
+        inside = np.flatnonzero(housing >= 0)
+        self._housings = np.stack([inside, housing[inside]], axis=1)
+        lines = list(zip(devices["segment"], devices["line"], strict=True))
+        master = {lines[n]: n for n in np.flatnonzero(kinds == "master")}
+        self._joints = self._housings.copy()
+        for joint, (n, at) in enumerate(self._joints):
+            if at == cabinet and kinds[n] in ("repeater", "supply"):
+                self._joints[joint, 1] = master.get(lines[n], at)
 
-    @cached_property
+        # Edges that carry data; a cabinet, master or gateway is one node for both lines.
+        at_kind = {kind: (kinds == kind)[self._ends] for kind in ("gateway", "cabinet", "supply")}
+        link = feeder & at_kind["gateway"].any(axis=1)
+        u, v, run = self._by_line(np.flatnonzero(trunk | link), self._joints)
+        count, joined = len(kinds), np.isin(kinds, _JOINS)
+        u, v = (np.where(joined[node % count], node % count, node) for node in (u, v))
+        self._data = u, v, run
+        # For each data edge, the device that must be powered for the edge to work; -1 for none.
+        near, far = self._ends.T
+        end = np.where((kinds == "repeater")[far], near, far)
+        along = np.append(np.where(self._asi & trunk, end, -1), -1)[run]
+        # A repeater beside its master is connected to it without a cable.
+        in_, at = u % count, v % count
+        is_master = (kinds == "master") & of_asi.to_numpy(bool)
+        beside = (run < 0) & (kinds == "repeater")[in_] & is_master[at]
+        self._current_at = np.where(beside, at, along)
+
+        # Edges that carry power: feeders of stations, and AS-i trunks. A supply in a housing feeds
+        # its line there without a cable. Then the feeders of the outputs of AS-i modules.
+        lines_of_asi = self._asi & ~feeder & ~self.at_point & (kinds != "repeater")[far]
+        to_host = at_kind["cabinet"].any(axis=1) | at_kind["gateway"].any(axis=1)
+        number = np.flatnonzero(lines_of_asi | (feeder & ~self._asi & ~to_host))
+        self._power = self._by_line(number, self._joints[kinds[self._joints[:, 0]] == "supply"])
+        mains = (at_kind["cabinet"] | at_kind["supply"]).any(axis=1)
+        number = np.flatnonzero(self._asi & feeder & ~mains)
+        self._auxiliary = (*self._ends[number].T, number)
+        # Supplies with a feeder from the cabinet, and the runs of these feeders.
+        number = np.flatnonzero(feeder & (self._ends == cabinet).any(axis=1))
+        other = self._ends[number].sum(axis=1) - cabinet
+        fed = np.isin(kinds[other], ("supply", "auxiliary supply"))
+        self._mains = other[fed], number[fed]
+
+        # What a supply or an auxiliary supply reaches, and what works, when nothing has failed.
+        masks = self._masks()
+        self._needs_supply = self._supplied(*masks)[0]
+        self._needs_auxiliary = self._has_auxiliary(*masks)[0]
+        self._connected = self._works(*masks)[0]
+        self._areas = self._separate()
+
+    def _separate(self) -> tuple[Integers, Integers]:
+        """Return the area of each device and run, and of each point; connected parts share one.
+
+        A cabinet that connects areas for data only is in no area. If it passes on power, or is in a
+        housing that may fail, everything is in one area.
+        """
+        count, (point, device, run) = len(self.kinds), self._wires
+        wires = np.stack([count + point, device], axis=1)
+        pairs = np.concatenate([self._ends[~self.at_point], self._housings, self._joints, wires])
+        u, v = pairs[(pairs != self._cabinet).all(axis=1)].T
+        label = _labels(np.ones((1, len(u)), bool), count + len(self.design.points), u, v)[0]
+        label[self._cabinet] = -1
+        powered = np.concatenate([*self._power[:2], *self._auxiliary[:2]]) % count
+        if (self._housings[:, 0] == self._cabinet).any() or (powered == self._cabinet).any():
+            label[:] = 0
+        of_run = label[self._ends].max(axis=1, initial=-1)
+        of_run[run[run >= 0]] = label[count + point[run >= 0]]
+        return np.concatenate([label[:count], of_run]), label[count:]
+
     def shorts(self) -> list[tuple[list[int], list[int]]]:
-        """For each pair of a bus or supply: its runs, and the masters that a short disables."""
+        """Return for each pair of a bus or supply: its runs, and the masters that a short disables.
+
+        A pair connects the runs of one segment and line, except past the devices in `_PAIR_ENDS`.
+        """
         runs, segments = self.design.cables, self.design.segments
         buses = segments.loc[segments["bus"] != "hardwired", "segment"]
         trunk = (runs["segment"].isin(buses) & (runs["kind"] == "trunk")).to_numpy()
-        master = self._asi & trunk
-        found = []
+        shorts = []
         for kind, chosen in (("trunk", trunk), ("feeder", self._feeders)):
-            for pair in self._together(np.flatnonzero(chosen), _PAIR_ENDS[kind]):
-                ends = np.unique(self._ends[pair[master[pair]]])
-                found.append((pair.tolist(), ends[self.kinds[ends] == "master"].tolist()))
-        return found
+            number = np.flatnonzero(chosen)
+            line = runs.iloc[number].groupby(["segment", "line"], sort=False).ngroup().to_numpy()
+            order = np.argsort(line, kind="stable")
+            number, line = number[order], line[order]
+            # The nodes are the runs and the devices that connect them, one node per line.
+            ends = self._ends[number]
+            run, side = np.nonzero(~np.isin(self.kinds, _PAIR_ENDS[kind])[ends])
+            device = line[run] * len(self.kinds) + ends[run, side]
+            _, device = np.unique(device, return_inverse=True)
+            count = len(number) + device.max(initial=-1) + 1
+            keep = np.ones((1, len(run)), bool)
+            label = _labels(keep, count, run, len(number) + device)[0, : len(number)]
+            order = np.argsort(label, kind="stable")
+            for pair in np.split(number[order], np.flatnonzero(np.diff(label[order])) + 1):
+                ends = np.unique(self._ends[pair[self._asi[pair] & trunk[pair]]])
+                masters = ends[self.kinds[ends] == "master"]
+                shorts += [(pair.tolist(), masters.tolist())] * (len(pair) > 0)
+        return shorts
 
-    def _together(self, number: Integers, pair_ends: Sequence[str]) -> list[Integers]:
-        """Group the connected runs of each segment and line; kinds in `pair_ends` separate runs."""
-        lines = self.design.cables.iloc[number].groupby(["segment", "line"], sort=False).ngroup()
-        order = np.argsort(lines.to_numpy(), kind="stable")
-        number, line = number[order], lines.to_numpy()[order]
-        # The nodes are the runs and the devices that connect them; a device is one node per line.
-        ends = self._ends[number]
-        run, side = np.nonzero(~np.isin(self.kinds, pair_ends)[ends])
-        _, device = np.unique(line[run] * len(self.kinds) + ends[run, side], return_inverse=True)
-        count = len(number) + device.max(initial=-1) + 1
-        keep = np.ones((1, len(run)), bool)
-        label = _labels(keep, count, run, len(number) + device)[0, : len(number)]
-        order = np.argsort(label, kind="stable")
-        pairs = np.split(number[order], np.flatnonzero(np.diff(label[order])) + 1)
-        return [pair for pair in pairs if len(pair)]
-
-    @cached_property
     def alone(self) -> dict[int, int]:
-        """Points that work over a single cable only, by the index of the cable's run."""
+        """Return the points that work over a single cable only, by the index of the cable's run."""
         point, _, run = self._wires
-        good = self._good(*self._masks(), self._needs_supply)[0]
+        good = self._good(*self._masks())[0]
         only = np.bincount(point[good], minlength=len(self._connected)) == 1
-        mine = good & only[point] & (run >= 0)
-        return dict(zip(run[mine].tolist(), point[mine].tolist(), strict=True))
+        single = good & only[point] & (run >= 0)
+        return dict(zip(run[single].tolist(), point[single].tolist(), strict=True))
 
     def lost(self, failures: Sequence[Failure]) -> list[Integers]:
         """Return the indices of the points lost in each failure.
@@ -117,148 +195,12 @@ class Reach:
         for start in range(0, turns, step):
             now = (start <= scenario) & (scenario < start + step)
             masks = self._masks(min(step, turns - start), scenario[now] - start, item[now])
-            row, point = np.nonzero(connected & ~self._works(*masks, self._needs_supply))
+            row, point = np.nonzero(connected & ~self._works(*masks))
             whose = np.searchsorted(area, of_point[point]) + start + row
             gone.append(failure[whose] * n_points + point)
         number, point = np.divmod(np.unique(np.concatenate(gone)), max(1, n_points))
         bounds = np.searchsorted(number, np.arange(1, len(failing)))
         return np.split(point, bounds)[: len(failing)]
-
-    @cached_property
-    def _areas(self) -> tuple[Integers, Integers]:
-        """Area of each device and run, and area of each point; connected parts are in one area.
-
-        A cabinet that connects areas for data only is in no area. If it passes on power, or is in a
-        housing that may fail, everything is in one area.
-        """
-        count, (point, device, run) = len(self.kinds), self._wires
-        wires = np.stack([count + point, device], axis=1)
-        pairs = np.concatenate([self._ends[~self.at_point], self._housings, self._joints, wires])
-        u, v = pairs[(pairs != self._cabinet).all(axis=1)].T
-        label = _labels(np.ones((1, len(u)), bool), count + len(self.design.points), u, v)[0]
-        label[self._cabinet] = -1
-        powered = np.concatenate([*self._power[:2], *self._auxiliary[:2]]) % count
-        if self._at[self._cabinet] >= 0 or (powered == self._cabinet).any():
-            label[:] = 0
-        of_run = label[self._ends].max(axis=1, initial=-1)
-        of_run[run[run >= 0]] = label[count + point[run >= 0]]
-        return np.concatenate([label[:count], of_run]), label[count:]
-
-    @cached_property
-    def _index(self) -> dict[str, int]:
-        return {name: n for n, name in enumerate(self.design.devices["device"])}
-
-    @cached_property
-    def _cabinet(self) -> int:
-        return self._index[self.design.cabinet]
-
-    @cached_property
-    def _at(self) -> Integers:
-        """For each device, the device whose housing contains it; -1 if it has its own housing."""
-        return np.array([self._index.get(at, -1) for at in self.design.devices["at"]], np.int64)
-
-    @cached_property
-    def _ends(self) -> Integers:
-        """Devices at the ends of every run, shape (n_runs, 2); -1 stands for a point."""
-        runs = self.design.cables
-        b = runs["b"].where(~self.at_point, "")
-        ends = [[self._index.get(name, -1) for name in end] for end in (runs["a"], b)]
-        return np.array(ends, np.int64).reshape(2, -1).T
-
-    @cached_property
-    def _wires(self) -> tuple[Integers, Integers, Integers]:
-        """Point, device and run of each connection of a point; run -1 means no cable."""
-        points, runs = self.design.points, self.design.cables
-        row = {tag: n for n, tag in enumerate(points["tag"])}
-        own = np.flatnonzero(self.at_point)
-        tags = runs["b"].to_numpy(object)[own]
-        bare = points[(points["device"] != "") & ~points["tag"].isin(tags)]
-        terminal = [self._index[name] for name in bare["device"]]
-        return (
-            np.array([row[tag] for tag in tags] + bare.index.tolist(), np.int64),
-            np.array(self._ends[own, 0].tolist() + terminal, np.int64),
-            np.concatenate([own, np.full(len(bare), -1)]),
-        )
-
-    @cached_property
-    def _data(self) -> Edges:
-        """Edges that carry data; a cabinet, master or gateway is one node for both lines."""
-        count, trunk = len(self.kinds), (self.design.cables["kind"] == "trunk").to_numpy()
-        link = self._feeders & (self.kinds == "gateway")[self._ends].any(axis=1)
-        u, v, run = self._by_line(np.flatnonzero(trunk | link), self._joints)
-        joined = np.isin(self.kinds, _JOINS)
-        u, v = (np.where(joined[node % count], node % count, node) for node in (u, v))
-        return u, v, run
-
-    @cached_property
-    def _power(self) -> Edges:
-        """Edges that carry power: feeders of stations, and AS-i trunks."""
-        trunk = self._asi & ~self._feeders & ~self.at_point
-        trunk &= (self.kinds != "repeater")[self._ends[:, 1]]
-        apart = np.isin(self.kinds, ("cabinet", "gateway"))[self._ends].any(axis=1)
-        number = np.flatnonzero(trunk | (self._feeders & ~self._asi & ~apart))
-        # A supply in a housing feeds its line there without a cable.
-        return self._by_line(number, self._joints[self.kinds[self._joints[:, 0]] == "supply"])
-
-    @cached_property
-    def _current_at(self) -> Integers:
-        """For each data edge, the device that must be powered for the edge to work; -1 for none."""
-        u, v, run = self._data
-        a, b = self._ends.T
-        end = np.where((self.kinds == "repeater")[b], a, b)
-        trunk = self._asi & (self.design.cables["kind"] == "trunk").to_numpy()
-        along = np.append(np.where(trunk, end, -1), -1)[run]
-        # A repeater beside its master is connected to it without a cable.
-        inside, at = u % len(self.kinds), v % len(self.kinds)
-        master = (self.kinds == "master") & self._of_asi(self.design.devices["segment"])
-        beside = (run < 0) & (self.kinds == "repeater")[inside] & master[at]
-        return np.where(beside, at, along)
-
-    @cached_property
-    def _mains(self) -> tuple[Integers, Integers]:
-        """Supplies with a feeder from the cabinet, and the runs of these feeders."""
-        from_cabinet = self._feeders & (self._ends == self._cabinet).any(axis=1)
-        number = np.flatnonzero(from_cabinet)
-        far = self._ends[number].sum(axis=1) - self._cabinet
-        fed = np.isin(self.kinds[far], ("supply", "auxiliary supply"))
-        return far[fed], number[fed]
-
-    @cached_property
-    def _auxiliary(self) -> Edges:
-        """Edges that feed the outputs of AS-i modules from an auxiliary supply."""
-        apart = np.isin(self.kinds, ("supply", "cabinet"))[self._ends].any(axis=1)
-        number = np.flatnonzero(self._asi & self._feeders & ~apart)
-        return (*self._ends[number].T, number)
-
-    @cached_property
-    def _feeders(self) -> Bools:
-        return (self.design.cables["kind"] == "feeder").to_numpy()
-
-    @cached_property
-    def _asi(self) -> Bools:
-        """True for each run that belongs to an AS-i segment."""
-        return self._of_asi(self.design.cables["segment"])
-
-    def _of_asi(self, names: pd.Series[str]) -> Bools:
-        asi = self.design.segments.query("bus == 'AS-i'")["segment"]
-        return np.asarray(names.isin(asi).to_numpy(bool))
-
-    @cached_property
-    def _housings(self) -> Integers:
-        """Pairs of a device and the device whose housing contains it, shape (n, 2)."""
-        inside = np.flatnonzero(self._at >= 0)
-        return np.stack([inside, self._at[inside]], axis=1)
-
-    @cached_property
-    def _joints(self) -> Integers:
-        """Each device in a housing, and the housing or master that it connects to, shape (n, 2)."""
-        segment = self.design.devices["segment"].to_numpy(str)
-        master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
-        joints = self._housings.copy()
-        for row, (n, at) in enumerate(joints):
-            if at == self._cabinet and self.kinds[n] in ("repeater", "supply"):
-                joints[row, 1] = master.get(segment[n], at)
-        return joints
 
     def _by_line(self, number: Integers, joints: Integers) -> Edges:
         """Return runs and joints as edges; device n is node n on line A and n + n_devices on B."""
@@ -267,16 +209,6 @@ class Reach:
         ends = [self._ends[first], joints, self._ends[second] + count, joints + count]
         none = np.full(len(joints), -1)
         return (*np.concatenate(ends).T, np.concatenate([first, none, second, none]))
-
-    @cached_property
-    def _needs_supply(self) -> Bools:
-        """True for each device that a supply reaches when nothing has failed."""
-        return np.asarray(self._supplied(*self._masks())[0])
-
-    @cached_property
-    def _connected(self) -> Bools:
-        """True for each point that works when nothing has failed."""
-        return np.asarray(self._works(*self._masks(), self._needs_supply)[0])
 
     def _masks(
         self, size: int = 1, row: Integers = _NONE, item: Integers = _NONE
@@ -300,19 +232,20 @@ class Reach:
         blocked = dead & np.isin(self.kinds, _BLOCKS)
         return ~(cut[:, run] | blocked[:, u % count] | blocked[:, v % count])
 
-    def _works(self, cut: Bools, dead: Bools, needs_supply: Bools) -> Bools:
-        """Return True for points that work, shape (n_failures, n_points)."""
-        point, good = self._wires[0], self._good(cut, dead, needs_supply)
+    def _works(self, cut: Bools, dead: Bools) -> Bools:
+        """Return True for points with a connection that works, shape (n_failures, n_points)."""
         works = np.zeros((len(cut), len(self.design.points)), bool)
-        for cables in _nth(point):
-            works[:, point[cables]] |= good[:, cables]
+        order = np.argsort(self._wires[0], kind="stable")
+        point, start = np.unique(self._wires[0][order], return_index=True)
+        good = self._good(cut, dead)[:, order]
+        works[:, point] = np.logical_or.reduceat(good, start, axis=1)
         return works
 
-    def _good(self, cut: Bools, dead: Bools, needs_supply: Bools) -> Bools:
+    def _good(self, cut: Bools, dead: Bools) -> Bools:
         """Return True for points' connections that still work, shape (n_failures, n_wires)."""
         u, v, _ = self._data
         count = len(self.kinds)
-        dark = needs_supply & ~self._supplied(cut, dead)
+        dark = self._needs_supply & ~self._supplied(cut, dead)
         # The last column is for edges that need no power.
         still = np.pad(~dark, ((0, 0), (0, 1)), constant_values=True)[:, self._current_at]
         labels = _labels(self._open(self._data, cut, dead) & still, 2 * count, u, v)
@@ -324,10 +257,6 @@ class Reach:
         outputs = self.design.iolist.points["type"].isin(["DO", "AO"]).to_numpy()
         good = alive[:, device] & ~cut[:, run] & ~(unfed[:, device] & outputs[point])
         return np.asarray(good)
-
-    @cached_property
-    def _needs_auxiliary(self) -> Bools:
-        return np.asarray(self._has_auxiliary(*self._masks())[0])
 
     def _has_auxiliary(self, cut: Bools, dead: Bools) -> Bools:
         """Return True for devices that a working auxiliary supply reaches."""
@@ -373,15 +302,6 @@ def _labels(keep: Bools, count: int, u: Integers, v: Integers) -> Integers:
     return np.asarray(labels - labels.min(axis=1, initial=size, keepdims=True))
 
 
-def _nth(values: Integers) -> Iterator[Integers]:
-    """Yield the indices of the first occurrence of each value, then of the second, and so on."""
-    order = np.argsort(values, kind="stable")
-    _, start, count = np.unique(values[order], return_index=True, return_counts=True)
-    nth = np.arange(len(values)) - np.repeat(start, count)
-    for number in range(nth.max(initial=-1) + 1):
-        yield order[nth == number]
-
-
 # Single failures of a planned design: one cable, pair or device fails at a time ------------------
 
 #: Kinds of failures: a cut cable; a short circuit between the conductors of a bus or supply pair,
@@ -392,19 +312,20 @@ FAILURES = ("cut", "short", "device")
 def single_failures(design: Layout) -> pd.DataFrame:
     """Return the points and systems lost in each single failure of a planned design."""
     reach = Reach(design)
+    shorts = reach.shorts()
     runs = design.cables[["run", "kind", "segment", "line"]].to_numpy(object).tolist()
     devices = design.devices[["device", "kind", "segment"]].to_numpy(object).tolist()
     rows = [["cut", *run] for run in runs]
-    rows += [["short", *runs[pair[0]]] for pair, _ in reach.shorts]
+    rows += [["short", *runs[pair[0]]] for pair, _ in shorts]
     rows += [["device", *device, ""] for device in devices]
     failures: list[Failure] = [((number,), ()) for number in range(len(runs))]
-    failures += reach.shorts
+    failures += shorts
     failures += [((), (number,)) for number in range(len(devices))]
     table = pd.DataFrame(rows, columns=["failure", "failed", "kind", "segment", "line"])
 
     # A cut in a point's only cable disables only that point.
     gone = [np.array([], int)] * len(rows)
-    for run_number, point in reach.alone.items():
+    for run_number, point in reach.alone().items():
         gone[run_number] = np.array([point])
     others = np.setdiff1d(np.arange(len(rows)), np.flatnonzero(reach.at_point))
     for row, points in zip(others, reach.lost([failures[row] for row in others]), strict=True):

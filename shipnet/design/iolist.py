@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from itertools import product
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -76,6 +77,9 @@ class IoList(PointTable):
     ) -> Design:
         """Connect all points by one of `OPTIONS`.
 
+        In a doubled option, each line is laid twice; on AS-i, we assume that a point can be wired
+        to a module on each line, and its cables, terminals and labour count twice.
+
         `cabinet` is a position (x, y, z) [m], as numbers or text, or None to infer it from the
         list's cable lengths; `settings` are values by name. `mix` selects other options for some
         points, by tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. The response
@@ -84,9 +88,9 @@ class IoList(PointTable):
         from shipnet.design.planning import plan
         from shipnet.design.rules import RuleSet
 
-        values, asked = Settings.of(settings), None if rules is None else RuleSet.of(rules)
+        values, limits = Settings.of(settings), None if rules is None else RuleSet.of(rules)
         site, _ = site_of(self, cabinet, values)
-        return plan(self, site, option, settings=values, mix=mix, name=name, rules=asked)
+        return plan(self, site, option, settings=values, mix=mix, name=name, rules=limits)
 
     def compare(
         self,
@@ -113,7 +117,7 @@ class IoList(PointTable):
         from shipnet.parallel import teller
 
         values, rules = Settings.of(settings), RuleSet.of(rules)
-        site, said = site_of(self, cabinet, values)
+        site, remark = site_of(self, cabinet, values)
         ways = OPTIONS if options is None else options
         each = [(option, None) for option in ways] + [("home runs", mix)] * bool(mix)
         tell = teller(progress)
@@ -121,7 +125,7 @@ class IoList(PointTable):
         for option, choose in each:
             designs.append(plan(self, site, option, settings=values, mix=choose, rules=rules))
             tell(len(designs), len(each))
-        return compared(designs, rules, check_rng(rng), (said,) if said else ())
+        return compared(designs, rules, check_rng(rng), (remark,) if remark else ())
 
     def study(
         self,
@@ -144,12 +148,21 @@ class IoList(PointTable):
         from shipnet.design.rules import RuleSet
         from shipnet.parallel import spread
 
-        points, start = _points_of(grid), Settings.of(settings)
+        if isinstance(grid, Mapping):
+            values = product(*grid.values()) if grid else ()
+            points = [dict(zip(grid, each, strict=True)) for each in values]
+        else:
+            points = [dict(point) for point in grid]
+        if not points:
+            raise ArgumentError("the grid has no points")
+        if any(point.keys() != points[0].keys() for point in points):
+            raise ArgumentError("the points of the grid have different arguments")
+        start = Settings.of(settings)
         site, _ = site_of(self, cabinet, start)
         start = start.replace({"detour": site.detour, "tails": site.tails})
         if faults := {fault for point in points for fault in start.tried(point)[1]}:
             raise ArgumentError("; ".join(sorted(faults)))
-        case = _Case(self, site, options, start, RuleSet.of(rules))
+        case = partial(_case, self, site, options, start, RuleSet.of(rules))
         tables = []
         for point, rows in zip(points, spread(case, points, workers, progress), strict=True):
             table = pd.DataFrame(rows)
@@ -172,39 +185,19 @@ class IoList(PointTable):
         save_table(path, self.points[names])
 
 
-def _points_of(
-    grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]],
-) -> list[dict[str, Any]]:
-    """Return the points of a grid of settings."""
-    if isinstance(grid, Mapping):
-        points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
-        points = points if grid else []
-    else:
-        points = [dict(point) for point in grid]
-    if not points:
-        raise ArgumentError("the grid has no points")
-    if any(point.keys() != points[0].keys() for point in points):
-        raise ArgumentError("the points of the grid have different arguments")
-    return points
-
-
-@dataclass(frozen=True)
-class _Case:
-    """A comparison as a function of settings; a class, so that other processes can unpickle it."""
-
-    iolist: IoList
-    site: Site
-    options: Sequence[str] | None
-    settings: Settings
-    rules: RuleSet
-
-    def __call__(self, point: Mapping[str, Any]) -> dict[Any, list[Any]]:
-        settings = self.settings.replace(point)
-        site = replace(self.site, detour=settings.detour, tails=settings.tails)
-        found = self.iolist.compare(
-            site, self.options, settings=settings, rules=self.rules, progress=False
-        )
-        return found.table().reset_index().to_dict("list")
+def _case(
+    iolist: IoList,
+    site: Site,
+    options: Sequence[str] | None,
+    start: Settings,
+    rules: RuleSet,
+    point: Mapping[str, Any],
+) -> dict[Any, list[Any]]:
+    """Return the table of a comparison with some settings; other processes can unpickle it."""
+    settings = start.replace(point)
+    site = replace(site, detour=settings.detour, tails=settings.tails)
+    found = iolist.compare(site, options, settings=settings, rules=rules, progress=False)
+    return found.table().reset_index().to_dict("list")
 
 
 def read_iolist(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -84,11 +83,11 @@ class Found(NamedTuple):
 
     def __str__(self) -> str:
         x, y, z = self.place
-        said = (
+        text = (
             f"the cabinet is assumed to be at {x:g}, {y:g}, {z:g} m, from the cable lengths of "
             f"{self.points} points, half of which agree within {max(self.misfit, 0.1):.1f} m"
         )
-        return said if self.settled else f"{said}; other positions fit too: give the correct one"
+        return text if self.settled else f"{text}; other positions fit too: give the correct one"
 
 
 def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0) -> Found:
@@ -132,13 +131,19 @@ def site_of(iolist: PointTable, cabinet: Where, settings: Settings) -> tuple[Sit
     """Return the site of a list, and a remark if `cabinet` is None, otherwise ""."""
     if isinstance(cabinet, Site):
         return cabinet, ""
-    place, said = cabinet, ""
+    place, remark = cabinet, ""
     if isinstance(cabinet, str):
-        place = _typed(cabinet)
+        try:
+            x, y, z = map(float, cabinet.replace(";", ",").split(","))
+            place = Site((x, y, z)).cabinet
+        except ValueError:
+            raise ArgumentError(
+                f"cabinet is {cabinet!r}; it must be three numbers x, y, z in m, such as 26,6,14"
+            ) from None
     elif cabinet is None:
-        place, said = (0.0, 0.0, 0.0), "the list gives every cable length to the cabinet"
+        place, remark = (0.0, 0.0, 0.0), "the list gives every cable length to the cabinet"
         if lost := int(iolist.points["home_run_m"].isna().sum()):
-            said = f"{lost} of {len(iolist)} points have neither a position nor a length"
+            remark = f"{lost} of {len(iolist)} points have neither a position nor a length"
         if iolist.located.any() or np.isfinite(iolist.box_places).any():
             try:
                 found = find_cabinet(iolist)
@@ -147,58 +152,32 @@ def site_of(iolist: PointTable, cabinet: Where, settings: Settings) -> tuple[Sit
                     f"cabinet is not given, and {mistake}; give its position x, y, z in m, such "
                     "as 26,6,14"
                 ) from None
-            place, said = found.place, str(found)
-    return Site(place, settings.detour, settings.tails), said  # type: ignore[arg-type]
-
-
-def _typed(cabinet: str) -> Place:
-    """Return a position given as text."""
-    try:
-        x, y, z = map(float, cabinet.replace(";", ",").split(","))
-        return Site((x, y, z)).cabinet
-    except ValueError:
-        raise ArgumentError(
-            f"cabinet is {cabinet!r}; it must be three numbers x, y, z in m, such as 26,6,14"
-        ) from None
+            place, remark = found.place, str(found)
+    return Site(place, settings.detour, settings.tails), remark  # type: ignore[arg-type]
 
 
 # The tables of a design: points, devices, cables, segments, and reasons -----------------------
 
 #: Columns of each table, with their types; a table may have more columns.
-COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
-    {
-        "points": {
-            "tag": "str", "bus": "str", "segment": "str", "device": "str", "address": "str",
-            "response_ms": "float", "fits": "bool",
-        },
-        "devices": {
-            "device": "str", "kind": "str", "segment": "str",
-            "x_m": "float", "y_m": "float", "z_m": "float",
-        },
-        "cables": {
-            "run": "str", "cable": "str", "a": "str", "b": "str", "segment": "str", "kind": "str",
-            "route_m": "float", "length_m": "float", "used": "int", "conductors": "int",
-            "at_cabinet": "bool", "line": "str",
-        },
-        "segments": {
-            "segment": "str", "bus": "str", "points": "int", "devices": "int", "length_m": "float",
-            "bus_time": "float", "capacity_used": "float", "response_ms": "float",
-            "slowest_update_ms": "float",
-        },
-        "reasons": {
-            "subject": "str", "limit": "str", "value": "float", "bound": "float", "unit": "str",
-            "text": "str",
-        },
-    }
-)  # fmt: skip
-
-
-_DTYPES: Mapping[str, Any] = {"float": float, "int": np.int64, "bool": bool}
+_TABLES = {
+    "points": "tag bus segment device address response_ms:float fits:bool",
+    "devices": "device kind segment x_m:float y_m:float z_m:float",
+    "cables": "run cable a b segment kind route_m:float length_m:float used:int conductors:int "
+    "at_cabinet:bool line",
+    "segments": "segment bus points:int devices:int length_m:float bus_time:float "
+    "capacity_used:float response_ms:float slowest_update_ms:float",
+    "reasons": "subject limit value:float bound:float unit text",
+}
+_DTYPES: Mapping[str, Any] = {"": object, "float": float, "int": np.int64, "bool": bool}
+COLUMNS: Mapping[str, Mapping[str, Any]] = {
+    table: {name: _DTYPES[kind] for name, _, kind in (c.partition(":") for c in columns.split())}
+    for table, columns in _TABLES.items()
+}
 
 
 def frame(table: str, rows: Any = ()) -> pd.DataFrame:
     """Return a table of a design with its columns in order and converted to their types."""
-    types = {column: _DTYPES.get(kind, object) for column, kind in COLUMNS[table].items()}
+    types = COLUMNS[table]
     if not isinstance(rows, pd.DataFrame | Mapping):
         rows = list(rows)
         more = dict.fromkeys(name for row in rows for name in row if name not in types)
@@ -236,6 +215,8 @@ class Layout:
         if "at" not in self.devices.columns:
             inside = self.devices["kind"].isin(["master", "gateway"])
             self.devices["at"] = inside.map({True: self.cabinet, False: ""})
+        if "line" not in self.devices.columns:
+            self.devices["line"] = ""
 
     def __repr__(self) -> str:
         fit, length = int(self.points["fits"].sum()), self.cables["length_m"].sum()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cache, lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from math import ceil, inf
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +34,7 @@ from shipnet.design.drafting import (
     without_place,
     zones,
 )
-from shipnet.design.settings import AsiLimits, Settings
+from shipnet.design.settings import AsiLimits
 from shipnet.design.supply import slave_voltage
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
@@ -54,6 +54,12 @@ _DIGITAL = {
     (True, True): "S-7.A.7",
 }
 
+#: Profiles that allow a shared address.
+_SHARED = frozenset(name for name in _DIGITAL.values() if Profile.parse(name).extended)
+
+#: Names of ports, by the type of their point.
+_PORTS = {"DI": "I", "DO": "Q", "AI": "AI", "AO": "AQ"}
+
 #: Maximum number of points divided among modules at once; the run time grows with its cube.
 _MOST = 400
 
@@ -71,7 +77,7 @@ class Module(NamedTuple):
     @property
     def shares(self) -> bool:
         """Whether the module's profile allows a shared address."""
-        return _extended(self.profile)
+        return self.profile in _SHARED
 
     @property
     def channels(self) -> int:
@@ -99,40 +105,50 @@ def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
         for number in range(limits.channels, 0, -1):
             chosen = (kinds == name) & (channels == number)
             sharing.append((chosen, (name,), (number,), (limits.channels,)))
-    found = []
-    for chosen, names, room, ports in sharing:
-        mine = np.flatnonzero(chosen)
-        labels = zones(places[mine], reach=limits.reach, most=_MOST)
-        kind = np.array([names.index(str(name)) for name in kinds[mine]], dtype=np.intp)
+    made = []
+    for mask, types, room, ports in sharing:
+        together = np.flatnonzero(mask)
+        labels = zones(places[together], reach=limits.reach, most=_MOST)
+        kind = np.array([types.index(str(name)) for name in kinds[together]], dtype=np.intp)
         for zone, most in enumerate(_room(labels, kind, room, ports, spare).tolist()):
-            inside, of_kind = mine[labels == zone], kind[labels == zone]
-            counts = np.bincount(of_kind, minlength=len(names))
+            inside, of_kind = together[labels == zone], kind[labels == zone]
+            counts = np.bincount(of_kind, minlength=len(types))
             needed = max(ceil(count / each) for count, each in zip(counts, most, strict=True))
             groups = balanced(places[inside], needed, kinds=of_kind, most=most)
             for group in range(groups.max() + 1):
-                own = inside[groups == group]
-                found.append(_module(rows[own], places[own], kinds[own], draft.settings))
-    return found
+                chosen = inside[groups == group]
+                of, at = kinds[chosen], np.median(places[chosen], axis=0).tolist()
+                names = [f"{_PORTS[k]}{(of[:n] == k).sum() + 1}" for n, k in enumerate(of)]
+                analogue = of[0][0] == "A"
+                profile = _ANALOGUE if analogue else _DIGITAL["DO" in of, limits.shared]
+                current = limits.current + analogue * len(of) * draft.settings.supply.loop
+                made.append(Module(profile, tuple(at), rows[chosen], names, current))
+    return made
 
 
 @lru_cache(4096)
 def response(
-    profile: str, cycle: Cycle, limits: AsiLimits, *, channels: int = 1, output: bool = False,
-    paired: bool = False, delay: float = 0.0,
-) -> float:  # fmt: skip
+    profile: str,
+    cycle: Cycle,
+    limits: AsiLimits,
+    *,
+    channels: int = 1,
+    output: bool = False,
+    paired: bool = False,
+    delay: float = 0.0,
+) -> float:
     """Return the worst-case response time of a point [s]; `delay` is that of its repeaters."""
-    return float(
-        cycle.response_time(
-            profile, channels=channels, conversion=limits.conversion, paired=paired,
-            direction="out" if output else "in", delay=delay,
-            repetitions=limits.repetitions or None,
-        ).worst
-    )  # fmt: skip
-
-
-@cache
-def _extended(profile: str) -> bool:
-    return Profile.parse(profile).extended
+    way: Literal["in", "out"] = "out" if output else "in"
+    time = cycle.response_time(
+        profile,
+        channels=channels,
+        conversion=limits.conversion,
+        paired=paired,
+        direction=way,
+        delay=delay,
+        repetitions=limits.repetitions or None,
+    )
+    return float(time.worst)
 
 
 def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> Indices:
@@ -140,9 +156,9 @@ def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> In
     limits, need = draft.settings.asi, draft.need[rows]
     channels, least = np.zeros(len(rows), dtype=np.intp), np.empty(len(rows))
     for output, kind, most in ((False, "DI", limits.inputs), (True, "DO", limits.outputs)):
-        mine = kinds == kind
-        least[mine] = response(_DIGITAL[output, limits.shared], Cycle(1), limits, output=output)
-        channels[mine & (need >= least)] = most
+        of_kind = kinds == kind
+        least[of_kind] = response(_DIGITAL[output, limits.shared], Cycle(1), limits, output=output)
+        channels[of_kind & (need >= least)] = most
     analogue = np.isin(kinds, ["AI", "AO"])
     for number in range(limits.channels, 0, -1):
         late = response(_ANALOGUE, Cycle(), limits, channels=number)
@@ -166,24 +182,12 @@ def _room(
     np.add.at(used, (zone, kind), 1)
     most = np.tile(np.asarray(room, np.intp), (len(used), 1))
     number = np.ceil(used / most).max(axis=1)
-    for own, left, each in zip(used.T, most.T, ports, strict=True):
-        while number.sum() * each < with_spare(int(own.sum()), spare) and (left > 1).any():
-            fullest = np.where(left > 1, own / number, 0.0).argmax()
+    for points, left, each in zip(used.T, most.T, ports, strict=True):
+        while number.sum() * each < with_spare(int(points.sum()), spare) and (left > 1).any():
+            fullest = np.where(left > 1, points / number, 0.0).argmax()
             left[fullest] -= 1
             number[fullest] = np.ceil(used[fullest] / most[fullest]).max()
     return most
-
-
-def _module(
-    rows: Indices, places: Floats, kinds: npt.NDArray[np.object_], settings: Settings
-) -> Module:
-    letters = {"DI": "I", "DO": "Q", "AI": "AI", "AO": "AQ"}
-    ports = [f"{letters[kind]}{(kinds[:n] == kind).sum() + 1}" for n, kind in enumerate(kinds)]
-    x, y, z = np.median(places, axis=0).tolist()
-    analogue = kinds[0][0] == "A"
-    profile = _ANALOGUE if analogue else _DIGITAL["DO" in kinds, settings.asi.shared]
-    current = settings.asi.current + analogue * len(rows) * settings.supply.loop
-    return Module(profile, (x, y, z), rows, ports, current)
 
 
 # One line: the route of its cable, its segments between repeaters, and their supplies -----------
@@ -259,33 +263,34 @@ def _joined(
         used = 0.0
     used += lengths[0]
     more = separate + len(lengths) - 1
-    repeaters, series = node.repeaters + downstream.repeaters + more, downstream.series + more
+    series = downstream.series + more
+    both = node._replace(
+        repeaters=node.repeaters + downstream.repeaters + more, series=max(node.series, series)
+    )
 
     def branches(segment: int) -> tuple[_Branch, ...]:
         return *node.branches, _Branch(segment, module, lengths, separate, downstream)
 
     if node.used + used <= most:
-        yield node._replace(
-            repeaters=repeaters, series=max(node.series, series), used=node.used + used,
-            branches=branches(0),
-        )  # fmt: skip
-    series = max(node.series, series + 1)
+        yield both._replace(used=node.used + used, branches=branches(0))
+    both = both._replace(series=max(node.series, series + 1))
     if node.last + used <= most:
-        yield node._replace(
-            repeaters=repeaters, series=series, last=node.last + used, branches=branches(node.begun)
-        )
+        yield both._replace(last=node.last + used, branches=branches(node.begun))
     begun = node.begun + 1
-    yield _Division(repeaters + 1, series, node.used, begun, used, branches(begun))
+    yield both._replace(
+        repeaters=both.repeaters + 1, begun=begun, last=used, branches=branches(begun)
+    )
 
 
 def _best(divisions: Iterable[_Division], series: int) -> list[_Division]:
     """Return the divisions that no other equals or beats in every respect, the best first."""
     best: list[_Division] = []
     for one in sorted(divisions, key=lambda division: division[:5]):
-        if one.series <= series and len(best) < _COMPARED and not any(
+        beaten = (
             two.series <= one.series and two.used <= one.used and two.last <= one.last
             for two in best
-        ):  # fmt: skip
+        )
+        if one.series <= series and len(best) < _COMPARED and not any(beaten):
             best.append(one)
     return best
 
@@ -307,21 +312,21 @@ def draw(ways: Floats, cable: Floats, limits: AsiLimits) -> Drawn | None:
         done = _best((one._replace(begun=0, last=inf) for one in best[far]), limits.repeaters)
         if done[0].repeaters == 0:
             done = done[:1]  # a single segment can still be separated further upstream
-        best[near] = _best(
-            (joined for node in best[near] for one in done
-             for joined in _joined(node, far, length, one, limits.length)),
-            limits.repeaters,
-        )  # fmt: skip
-    return _drawn(best[0][0]) if best[0] else None
-
-
-def _drawn(division: _Division) -> Drawn:
-    """Return the cable of a line, divided at the master, with names for its nodes."""
+        joined = (
+            division
+            for node in best[near]
+            for one in done
+            for division in _joined(node, far, length, one, limits.length)
+        )
+        best[near] = _best(joined, limits.repeaters)
+    if not best[0]:
+        return None
+    # The cable of the best division, with names for its nodes.
     segments: dict[str, list[Piece]] = {"0": []}
     repeaters: list[tuple[str, str]] = []
     head, depths = {"0": "0"}, {"0": 0}
     # Branches not yet laid, each with its upstream device, and the node there if they share one.
-    waiting = [(0, "0", branch) for branch in division.branches]
+    waiting = [(0, "0", branch) for branch in best[0][0].branches]
     while waiting:
         near, node, branch = waiting.pop()
         far, into = branch.module, str(near)
@@ -378,10 +383,9 @@ def plan_of(drawn: Drawn, slaves: Sequence[Slave], limits: AsiLimits) -> Plan:
         draws[upstream] += limits.current
         draws[downstream] += limits.current
     resistance = float(CABLES[cable].resistance)
+    volts, amps = limits.voltage, limits.rating
     supplies = [
-        Supply(
-            place_supply(pieces, draws, limits.voltage, resistance), limits.voltage, limits.rating
-        )
+        Supply(place_supply(pieces, draws, volts, resistance), volts, amps)
         for pieces in drawn.segments.values()
     ]
     master = Master(node="0", current=limits.current)
@@ -431,34 +435,37 @@ def build(
     delays = [depths.get(slave.node, 0) * Repeater.delay for slave in slaves]
     addresses = [slave.address for slave in slaves]
     cycle = polling_cycle(zip(addresses, delays, strict=True))
-    responses = [
-        np.array([
-            response(module.profile, cycle, limits, channels=module.channels, output="Q" in port,
-                     paired=slave.address in paired, delay=delay)
-            for port in module.ports
-        ])
-        for module, slave, delay in zip(group, slaves, delays, strict=True)
-    ]  # fmt: skip
-    exceeded = _too_late(group, responses, need)
+    responses, exceeded = [], None
+    for module, slave, delay in zip(group, slaves, delays, strict=True):
+        late = partial(
+            response,
+            module.profile,
+            cycle,
+            limits,
+            channels=module.channels,
+            delay=delay,
+            paired=slave.address in paired,
+        )
+        times = np.array([late(output="Q" in port) for port in module.ports])
+        responses.append(times)
+        worst = int(np.argmax(times / need[module.rows]))
+        time, bound = float(times[worst]), float(need[module.rows[worst]])
+        if time > bound and exceeded is None:
+            exceeded = Exceeded("update", 1e3 * time, 1e3 * bound, "ms")
     plan = None
     if drawn is None:
         bound = limits.length * (1 + limits.repeaters)
         exceeded = exceeded or Exceeded("length", float(cable[0].max()), bound, "m")
     elif exceeded is None:
         plan = plan_of(drawn, slaves, limits)
-        exceeded = _against_rules(plan, limits)
+        rules = _rules(limits)
+        if not meets(plan.lines, rules):
+            worst_first = plan.check(limits=rules).worst().query("verdict != 'met'")
+            first = worst_first.sort_values("margin", kind="stable").iloc[0]
+            bound = first["low"] if first["value"] < first["low"] else first["high"]
+            name = str(first.name).replace("_", " ")
+            exceeded = Exceeded(name, float(first["value"]), float(bound), str(first["unit"]))
     return Line(list(group), drawn, slaves, plan, cycle, paired, responses, exceeded)
-
-
-def _too_late(
-    group: Sequence[Module], responses: Sequence[Floats], need: Floats
-) -> Exceeded | None:
-    for module, response in zip(group, responses, strict=True):
-        place = int(np.argmax(response / need[module.rows]))
-        late, bound = float(response[place]), float(need[module.rows[place]])
-        if late > bound:
-            return Exceeded("update", 1e3 * late, 1e3 * bound, "ms")
-    return None
 
 
 @lru_cache(1)
@@ -469,161 +476,140 @@ def _rules(limits: AsiLimits) -> pd.DataFrame:
     return rules
 
 
-def _against_rules(plan: Plan, limits: AsiLimits) -> Exceeded | None:
-    rules = _rules(limits)
-    if meets(plan.lines, rules):
-        return None
-    findings = plan.check(limits=rules)
-    first = findings.worst().query("verdict != 'met'").sort_values("margin", kind="stable").iloc[0]
-    bound = first["low"] if first["value"] < first["low"] else first["high"]
-    name = str(first.name).replace("_", " ")
-    return Exceeded(name, float(first["value"]), float(bound), str(first["unit"]))
-
-
 # All points: modules, divided among lines that meet every limit ---------------------------------
 
 
-def plan_asi(draft: Draft, rows: Indices) -> None:
-    """Connect points to nearby AS-i modules, on as few lines as the limits allow."""
+def plan_asi(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
+    """Connect points to nearby AS-i modules, on as few lines as the limits allow.
+
+    If `doubled`, each line is laid twice, with a master, supplies, repeaters and modules of its
+    chosen, and each point is wired to a module of both lines.
+    """
     limits = draft.settings.asi
     places = np.where(draft.iolist.located[:, None], draft.places, draft.iolist.box_places)
     known = np.isfinite(places[rows]).all(axis=1)
     without_place(draft, rows[~known])
     rows = rows[known]
-    found = modules(draft, rows, places[rows])
-    spots = np.array([draft.middle, *(module.place for module in found)])
+    all_modules = modules(draft, rows, places[rows])
+    spots = np.array([draft.middle, *(module.place for module in all_modules)])
 
     def judge(group: Sequence[int]) -> tuple[Line | None, float]:
-        own = [found[place] for place in group]
-        sharing = sum(module.shares for module in own)
-        needed = len(own) - sharing + ceil(sharing / 2)
+        chosen = [all_modules[place] for place in group]
+        sharing = sum(module.shares for module in chosen)
+        needed = len(chosen) - sharing + ceil(sharing / 2)
         if needed > ADDRESSES:
             return None, needed / ADDRESSES
         at = spots[[0, *(place + 1 for place in group)]]
         ways = draft.site.route(at[:, None], at[None, :])
-        line = build(own, ways, draft.site.length(ways), draft.need, limits)
+        line = build(chosen, ways, draft.site.length(ways), draft.need, limits)
         return line, 1 if line.exceeded is None else inf
 
-    number = 0
-    for _, line in divided(range(len(found)), lambda place: found[place].place, judge):
+    number = draft.segments("AS-i")
+    for _, line in divided(range(len(all_modules)), lambda place: all_modules[place].place, judge):
         assert line is not None
         if line.exceeded is None:
             number += 1
-            _Laying(draft, f"AS-i {number}", line).lay()
+            for name in ("A", "B") if doubled else ("",):
+                _lay(draft, f"AS-i {number}", line, name)
             continue
         limit, value, bound, unit = line.exceeded
         of = f" {unit}" if unit else ""
-        said = f"even on its own line: {value:.4g}{of}; the limit is {bound:.4g}{of}"
-        for row in line.modules[0].rows:
-            tag = draft.tags[row]
-            text = f"{tag} does not meet the AS-i limit on {limit} {said}"
+        for tag in (draft.tags[row] for row in line.modules[0].rows):
+            text = f"{tag} does not meet the AS-i limit on {limit} even on its own line: "
+            text += f"{value:.4g}{of}; the limit is {bound:.4g}{of}"
             draft.reason(tag, limit, value, bound, unit, text)
 
 
-class _Laying:
-    """A line to add to a draft, with the names and positions of its nodes."""
+def _lay(draft: Draft, segment: str, line: Line, name: str) -> None:
+    """Add the devices and cables of a line, its name "" or A or B, and connect its points."""
+    plan, drawn = line.plan, line.drawn
+    assert plan is not None
+    assert drawn is not None
+    limits, spots = draft.settings.asi, [draft.middle, *(module.place for module in line.modules)]
+    feeder, cable = cables()[draft.settings.feeder], cables()[limits.cable]
 
-    def __init__(self, draft: Draft, segment: str, line: Line) -> None:
-        assert line.plan is not None
-        assert line.drawn is not None
-        self.draft, self.segment, self.line = draft, segment, line
-        self.plan, self.drawn = line.plan, line.drawn
-        self.spots: list[Place] = [draft.middle, *(module.place for module in line.modules)]
-        self.names: dict[str, str] = {}
-        self.where = {str(place): spot for place, spot in enumerate(self.spots)}
+    def device(kind: str, place: Place, at: str = "", what: str = "") -> str:
+        called = f"{segment} {what or kind} {name}".rstrip()
+        return draft.device(called, kind, segment, place, at, name)
 
-    def lay(self) -> None:
-        """Add the devices and cables of the line, and connect its points."""
-        draft, segment, names = self.draft, self.segment, self.names
-        limits = draft.settings.asi
-        names["0"] = self.device("master", draft.middle, draft.cabinet)
-        for slave, module in zip(self.line.slaves, self.line.modules, strict=True):
-            name = f"{segment} slave {slave.label}"
-            names[slave.node] = draft.device(name, "module", segment, module.place)
-        self.lay_repeaters()
-        for supply in self.plan.supplies:
-            place = self.where[supply.node]
-            at = draft.cabinet if supply.node == "0" else names[supply.node]
-            name = self.device("supply", place, at)
-            if name not in draft.in_cabinet and draft.settings.fed:
-                self.feed(draft.cabinet, name, Laid(draft.middle, place))
-        for piece in self.drawn.pieces:
-            near, far = piece.edge
-            laid = Laid(self.spots[near], self.spots[far], share=piece.share)
-            ends = names[piece.near], names[piece.far]
-            draft.run("trunk", ends, laid, cables()[limits.cable], PAIR, segment)
-        if limits.auxiliary and (powered := self.powered()):
-            # A feeder from the cabinet along the line, up to the last module with outputs.
-            source = self.device("auxiliary supply", draft.middle, draft.cabinet)
-            for near, far in dict.fromkeys(piece.edge for piece in self.drawn.pieces):
-                if far in powered:
-                    begin = source if near == 0 else names[str(near)]
-                    self.feed(begin, names[str(far)], Laid(self.spots[near], self.spots[far]))
-        self.connect()
+    # Names and positions of the plan's nodes; a repeater is beside a device, or along a cable.
+    names = {"0": device("master", draft.middle, draft.cabinet)}
+    for slave, module in zip(line.slaves, line.modules, strict=True):
+        names[slave.node] = device("module", module.place, what=f"slave {slave.label}")
+    where = {str(node): spot for node, spot in enumerate(spots)}
+    laid, ends = dict.fromkeys({piece.edge for piece in drawn.pieces}, 0.0), dict[str, Place]()
+    for piece in drawn.pieces:
+        laid[piece.edge] += piece.share
+        near, far = (np.array(spots[node]) for node in piece.edge)
+        x, y, z = (near + laid[piece.edge] * (far - near)).tolist()
+        ends[piece.far] = (x, y, z)
+    for into, out in drawn.repeaters:
+        beside = into in names
+        place = where[into] if beside else ends[into]
+        at = "" if not beside else draft.cabinet if into == "0" else names[into]
+        names[out], where[out] = device("repeater", place, at), place
+        if not beside:
+            names[into], where[into] = names[out], place
 
-    def device(self, kind: str, place: Place, at: str) -> str:
-        """Add a device, and return its name."""
-        return self.draft.device(f"{self.segment} {kind}", kind, self.segment, place, at)
+    for supply in plan.supplies:
+        place = where[supply.node]
+        at = draft.cabinet if supply.node == "0" else names[supply.node]
+        fed = device("supply", place, at)
+        if fed not in draft.in_cabinet and draft.settings.fed:
+            ways = Laid(draft.middle, place)
+            draft.run("feeder", (draft.cabinet, fed), ways, feeder, PAIR, segment, name)
+    for piece in drawn.pieces:
+        a, b = piece.edge
+        ways = Laid(spots[a], spots[b], share=piece.share)
+        draft.run("trunk", (names[piece.near], names[piece.far]), ways, cable, PAIR, segment, name)
+    # A feeder from the cabinet along the line, up to the last module with outputs.
+    upstream = {far: near for near, far in (piece.edge for piece in drawn.pieces)}
+    powered: set[int] = set()
+    for node, module in enumerate(line.modules, 1):
+        while limits.auxiliary and module.outputs and node != 0 and node not in powered:
+            powered.add(node)
+            node = upstream[node]
+    if powered:
+        source = device("auxiliary supply", draft.middle, draft.cabinet)
+        for a, b in dict.fromkeys(piece.edge for piece in drawn.pieces):
+            if b in powered:
+                begin = source if a == 0 else names[str(a)]
+                ways = Laid(spots[a], spots[b])
+                draft.run("feeder", (begin, names[str(b)]), ways, feeder, PAIR, segment, name)
 
-    def feed(self, begin: str, end: str, laid: Laid) -> None:
-        """Add a feeder."""
-        feeder = cables()[self.draft.settings.feeder]
-        self.draft.run("feeder", (begin, end), laid, feeder, PAIR, self.segment)
-
-    def lay_repeaters(self) -> None:
-        """Add repeaters, beside the master or a module, or partway along a long cable."""
-        names, where, drawn = self.names, self.where, self.drawn
-        done = dict.fromkeys({piece.edge for piece in drawn.pieces}, 0.0)
-        ends: dict[str, Place] = {}
-        for piece in drawn.pieces:
-            done[piece.edge] += piece.share
-            near, far = (np.array(self.spots[place]) for place in piece.edge)
-            x, y, z = (near + done[piece.edge] * (far - near)).tolist()
-            ends[piece.far] = (x, y, z)
-        for into, out in drawn.repeaters:
-            beside = into in names
-            place = where[into] if beside else ends[into]
-            at = "" if not beside else self.draft.cabinet if into == "0" else names[into]
-            names[out], where[out] = self.device("repeater", place, at), place
-            if not beside:
-                names[into], where[into] = names[out], place
-
-    def powered(self) -> set[int]:
-        """Return the node numbers of the modules with outputs and of those on the route to them."""
-        before = {far: near for near, far in (piece.edge for piece in self.drawn.pieces)}
-        powered: set[int] = set()
-        for place, module in enumerate(self.line.modules, 1):
-            while module.outputs and place != 0 and place not in powered:
-                powered.add(place)
-                place = before[place]
-        return powered
-
-    def connect(self) -> None:
-        """Connect the points, and add the segment."""
-        draft, segment, line = self.draft, self.segment, self.line
-        for module, slave, response in zip(line.modules, line.slaves, line.responses, strict=True):
-            device = self.names[slave.node]
-            for row, port, late in zip(module.rows, module.ports, response, strict=True):
+    shares = []
+    for module, slave, response in zip(line.modules, line.slaves, line.responses, strict=True):
+        for row, port, late in zip(module.rows.tolist(), module.ports, response, strict=True):
+            if name != "B":
                 address = f"{slave.label} {port}"
-                draft.connect(int(row), "AS-i", segment, device, address, float(late))
-                draft.drop(int(row), device, module.place, segment, np.nan)
-        rows = np.concatenate([module.rows for module in line.modules])
-        shares = [
-            line.cycle.update_time(
-                module.profile, channels=module.channels, paired=slave.address in line.paired,
-                direction="out" if module.outputs else "in",
-            ) / draft.need[module.rows].min()
-            for module, slave in zip(line.modules, line.slaves, strict=True)
-        ]  # fmt: skip
-        parts = self.plan.segments
-        used = len({slave.address for slave in line.slaves})
-        draft.segment(
-            rows, segment=segment, bus="AS-i",
-            devices=len(line.slaves) + 1 + len(self.drawn.repeaters),
-            length_m=sum(piece.length for piece in self.drawn.pieces), bus_time=line.cycle.bus_time,
-            capacity_used=max(used / ADDRESSES, *shares), masters=1,
-            slaves=len(line.slaves), addresses=used, cycle_ms=1e3 * float(line.cycle.time),
-            repeaters=len(self.drawn.repeaters),
-            supply_current_a=max(part.current for part in parts),
-            lowest_v=min(min(part.voltages[node] for node, _ in part.draws) for part in parts),
-        )  # fmt: skip
+                draft.connect(row, "AS-i", segment, names[slave.node], address, float(late))
+            draft.drop(row, names[slave.node], module.place, segment, np.nan, name)
+        time = line.cycle.update_time(
+            module.profile,
+            channels=module.channels,
+            paired=slave.address in line.paired,
+            direction="out" if module.outputs else "in",
+        )
+        shares.append(time / draft.need[module.rows].min())
+    if name == "B":
+        return
+    parts = plan.segments
+    used = len({slave.address for slave in line.slaves})
+    draft.segment(
+        np.concatenate([module.rows for module in line.modules]),
+        segment=segment,
+        bus="AS-i",
+        devices=len(line.slaves) + 1 + len(drawn.repeaters),
+        length_m=sum(piece.length for piece in drawn.pieces),
+        bus_time=line.cycle.bus_time,
+        capacity_used=max(used / ADDRESSES, *shares),
+        masters=1,
+        slaves=len(line.slaves),
+        addresses=used,
+        cycle_ms=1e3 * float(line.cycle.time),
+        repeaters=len(drawn.repeaters),
+        supply_current_a=max(part.current for part in parts),
+        lowest_v=min(min(part.voltages[node] for node, _ in part.draws) for part in parts),
+        # The host reads both masters, so no change-over is needed.
+        switch_over_ms=0.0 if name else np.nan,
+    )

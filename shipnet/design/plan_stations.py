@@ -37,7 +37,7 @@ def _served(
     `alone` returns the shortest update time or response [s] of each point in a box that has a trunk
     of a given length [m] to itself, and a phrase for the reason.
     """
-    found = []
+    served = []
     for box in boxes(draft, rows):
         length = route_past(draft, [box]).length
         if length > longest:
@@ -50,8 +50,8 @@ def _served(
         for place in np.flatnonzero(least > need):
             draft.too_slow(box.rows[place], float(least[place]), words)
         if (least <= need).any():
-            found.append(box.part(np.flatnonzero(least <= need)))
-    return found
+            served.append(box.part(np.flatnonzero(least <= need)))
+    return served
 
 
 # CAN: messages, and segments that carry them in time --------------------------------------------
@@ -141,13 +141,17 @@ def plan_can(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
                 draft.drop(int(row), device[station], box.place, name, float(length))
         draft.segment(
             np.concatenate([box.rows for box in group]),
-            segment=name, bus="CAN", devices=len(group) + 1,
-            length_m=segment.trunk.length, bus_time=segment.bus_time,
+            segment=name,
+            bus="CAN",
+            devices=len(group) + 1,
+            length_m=segment.trunk.length,
+            bus_time=segment.bus_time,
             capacity_used=max(segment.bus_time, (len(group) + 1) / limits.nodes),
-            bit_rate=segment.bit_rate, messages=len(segment.messages),
+            bit_rate=segment.bit_rate,
+            messages=len(segment.messages),
             # Every message is sent on both lines, so no change-over is needed.
             switch_over_ms=0.0 if doubled else np.nan,
-        )  # fmt: skip
+        )
 
 
 def bit_rate_for(length: float, bit_rates: Sequence[int]) -> int | None:
@@ -174,10 +178,16 @@ def _segment(draft: Draft, group: Sequence[Box], longest: float) -> tuple[_Segme
     responses = [np.nan] * len(packed)
     if parts <= 1:
         messages = MessageSet(
-            Message(str(number), number, message.dlc, period=share * message.need,
-                    deadline=(1 - share) * message.need, sender=str(place))
+            Message(
+                str(number),
+                number,
+                message.dlc,
+                period=share * message.need,
+                deadline=(1 - share) * message.need,
+                sender=str(place),
+            )
             for number, (message, place) in enumerate(packed, 1)
-        )  # fmt: skip
+        )
         answers = response_times(messages, rate)
         responses = [answer.response for answer in answers]
         if not all(answer.met for answer in answers):
@@ -191,13 +201,6 @@ def _segment(draft: Draft, group: Sequence[Box], longest: float) -> tuple[_Segme
 #: States per register, and maximum number of registers per read and per write ("MODBUS application
 #: protocol" V1.1b3, sections 6.4 and 6.12).
 _STATES, _READ, _WRITE = 16, 125, 123
-
-
-class Registers(NamedTuple):
-    """The registers of a station: the address of each point, and the requests of a scan."""
-
-    addresses: list[str]
-    requests: list[Request]
 
 
 class _Loop(NamedTuple):
@@ -245,25 +248,29 @@ def plan_modbus(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
         )
         for unit, (place, device) in enumerate(zip(order, names, strict=True), 1):
             box = group[place]
-            addresses = registers_of([draft.types[row] for row in box.rows]).addresses
+            addresses = registers_of([draft.types[row] for row in box.rows])[0]
             response = loop.scan + loop.longest[place]
             for row, length, where in zip(box.rows, box.lengths, addresses, strict=True):
                 draft.connect(int(row), "Modbus RTU", name, device, f"{unit} {where}", response)
                 draft.drop(int(row), device, box.place, name, float(length))
         everything = np.concatenate([box.rows for box in group])
         draft.segment(
-            everything, segment=name, bus="Modbus RTU",
-            devices=len(group) + 1 + len(loop.repeaters), length_m=loop.trunk.length,
+            everything,
+            segment=name,
+            bus="Modbus RTU",
+            devices=len(group) + 1 + len(loop.repeaters),
+            length_m=loop.trunk.length,
             bus_time=loop.on_wire / loop.scan,
             capacity_used=max(loop.scan / draft.need[everything].min(), len(group) / most),
             bit_rate=loop.bit_rate,
-            scan_ms=1e3 * loop.scan, repeaters=len(loop.repeaters),
+            scan_ms=1e3 * loop.scan,
+            repeaters=len(loop.repeaters),
             switch_over_ms=1e3 * loop.switch_over if doubled else np.nan,
-        )  # fmt: skip
+        )
 
 
-def registers_of(types: Sequence[str]) -> Registers:
-    """Return the registers of a station, and the requests of a scan."""
+def registers_of(types: Sequence[str]) -> tuple[list[str], list[Request]]:
+    """Return the register address of each point of a station, and the requests of a scan."""
     kinds = np.asarray(types, dtype=object)
     addresses = np.full(len(kinds), "", dtype=object)
     numbers = []
@@ -284,12 +291,12 @@ def registers_of(types: Sequence[str]) -> Registers:
         Request.write_multiple_registers(start, (0,) * min(_WRITE, outputs - start))
         for start in range(0, outputs, _WRITE)
     ]
-    return Registers(addresses.tolist(), requests)
+    return addresses.tolist(), requests
 
 
 def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[int] | None:
     """Return the stations after which a trunk needs a repeater, or None if a hop is too long."""
-    found: list[int] = []
+    repeaters: list[int] = []
     loads, laid = 1, 0.0
     for place, hop in enumerate(hops):
         if hop > length:
@@ -297,10 +304,10 @@ def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[i
         # Leave room for a repeater unless this is the last station.
         last = place == len(hops) - 1
         if laid + hop > length or loads + 1 > unit_loads - (not last):
-            found.append(place - 1)
+            repeaters.append(place - 1)
             loads, laid = 1, 0.0
         loads, laid = loads + 1, laid + hop
-    return found
+    return repeaters
 
 
 def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
@@ -309,10 +316,10 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     types = [tuple(draft.types[row] for row in box.rows) for box in group]
     needs = np.array([draft.need[box.rows].min() for box in group])
     for rate in sorted(limits.bit_rates):
-        polls = [_polls(limits, own, rate) for own in types]
-        times = [[poll.time for poll in own] for own in polls]
-        scan = sum(sum(own) for own in times)
-        longest = [max(own) for own in times]
+        polls = [_polls(limits, station, rate) for station in types]
+        times = [[poll.time for poll in station] for station in polls]
+        scan = sum(sum(station) for station in times)
+        longest = [max(station) for station in times]
         in_time = bool((scan + np.array(longest) <= needs).all())
         if in_time:
             break
@@ -320,8 +327,8 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     length = _longest_section(limits, rate)
     repeaters = sections(trunk.hops.tolist(), length=length, unit_loads=limits.unit_loads)
     fits = in_time and repeaters is not None and len(repeaters) <= limits.repeaters
-    switch_over = scan + sum(max(poll.timeout_time for poll in own) for own in polls)
-    on_wire = sum(poll.on_wire for own in polls for poll in own)
+    switch_over = scan + sum(max(poll.timeout_time for poll in station) for station in polls)
+    on_wire = sum(poll.on_wire for station in polls for poll in station)
     loop = _Loop(trunk, rate, scan, on_wire, longest, switch_over, repeaters or [])
     return loop, 1 if fits else inf
 
@@ -338,5 +345,5 @@ def _polls(limits: ModbusLimits, types: tuple[str, ...], bit_rate: int) -> list[
     timeout = limits.timeout + limits.processing + serial.frame_time(256)
     return [
         Poll(request, serial, processing=limits.processing, timeout=timeout)
-        for request in registers_of(types).requests
+        for request in registers_of(types)[1]
     ]

@@ -33,7 +33,7 @@ def plan_home_runs(draft: Draft, rows: Indices) -> None:
     without_place(draft, rows[~known[rows]])
     for row in rows[known[rows]]:
         wires = int(draft.wires[row])
-        laid = Laid(draft.middle, draft.spots[row], float(given[row]))
+        laid = Laid(draft.middle, draft.spots[row], length=float(given[row]))
         ends = draft.cabinet, draft.tags[row]
         draft.run("home run", ends, laid, smallest(wires, spare=0), wires)
         draft.connect(row, "hardwired", "", draft.cabinet, "", 0.0)
@@ -66,8 +66,8 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
         # Start a new part where the sum of pairs passes a multiple of an equal share.
         share = np.cumsum(each) - each / 2
         part = np.minimum((share * number / each.sum()).astype(np.intp), number - 1)
-        parts = [box.rows[part == own] for own in range(number) if (part == own).any()]
-        fits = all(needed(_wires(draft, own)[1]) <= largest for own in parts)
+        parts = [box.rows[part == points] for points in range(number) if (part == points).any()]
+        fits = all(needed(_wires(draft, points)[1]) <= largest for points in parts)
         if fits or number >= len(box.rows):
             return parts
         number += 1
@@ -76,21 +76,30 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
 def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
     """Return the numbers of conductors and pairs needed; a common return counts once per signal."""
     signals, common = draft.signals[rows], draft.common[rows]
-    own, alone = draft.wires[rows] - common, common == 0
+    wires, alone = draft.wires[rows] - common, common == 0
     returns = sum(dict(zip(signals, common.tolist(), strict=True)).values())
-    pairs = ((own[alone] + 1) // 2).sum()
-    return int(own.sum()) + returns, int(pairs) + ceil((int(own[~alone].sum()) + returns) / 2)
+    pairs = ((wires[alone] + 1) // 2).sum()
+    return int(wires.sum()) + returns, int(pairs) + ceil((int(wires[~alone].sum()) + returns) / 2)
 
 
 # The options, and a mix of them -----------------------------------------------------------------
 
 _PLANNERS: Mapping[str, Callable[[Draft, Indices], None]] = MappingProxyType(
-    {"home runs": plan_home_runs, "junction boxes": plan_boxes, "AS-i": plan_asi,
-     "CAN": plan_can, "CAN doubled": partial(plan_can, doubled=True),
-     "Modbus RTU": plan_modbus, "Modbus RTU doubled": partial(plan_modbus, doubled=True)}
-)  # fmt: skip
+    {
+        "home runs": plan_home_runs,
+        "junction boxes": plan_boxes,
+        "AS-i": plan_asi,
+        "AS-i doubled": partial(plan_asi, doubled=True),
+        "CAN": plan_can,
+        "CAN doubled": partial(plan_can, doubled=True),
+        "Modbus RTU": plan_modbus,
+        "Modbus RTU doubled": partial(plan_modbus, doubled=True),
+    }
+)
 
-#: The options: ways to connect points. AS-i has no doubled form, because a module has one port.
+#: The options: ways to connect points. In a doubled form, each line is laid twice. An AS-i module
+#: has one port, so the second line has modules of its own; we assume that a point can be wired to
+#: two modules at once, and count its cables, terminals and work twice.
 OPTIONS = tuple(_PLANNERS)
 
 #: Columns whose values a mix may name, in order of precedence.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from math import ceil
 from types import MappingProxyType
@@ -26,6 +26,9 @@ _PAIR, _ASI = "MI1P075", "ASI_MARINE"
 
 #: Longest line without a repeater [m]; each repeater adds the same length (kim2023, section 3.3).
 _SEGMENT = 100.0
+
+#: Columns of a segment that counts do not define.
+_UNKNOWN = ("bus_time", "capacity_used", "response_ms")
 
 #: The cabinet, from which distances are measured.
 _SITE = Site((0.0, 0.0, 0.0))
@@ -114,48 +117,32 @@ class Plant:
         for counted, figures in COUNTED.items():
             names = list(figures)
             wired, bus = (sample[option][names].to_numpy().sum(axis=1) for option in options)
-            low, median, high = np.quantile(1 - bus / wired, [0.05, 0.5, 0.95])
-            rows[counted] = {
-                "nominal": 1 - nominal["AS-i"][names].sum() / nominal["hardwired"][names].sum(),
-                "low": low,
-                "median": median,
-                "high": high,
-            }
-        return pd.DataFrame.from_dict(rows, orient="index").rename_axis("counted")
+            at_wired, at_bus = (figures_of[names].sum() for figures_of in nominal.values())
+            rows[counted] = [
+                1 - at_bus / at_wired,
+                *np.quantile(1 - bus / wired, [0.05, 0.5, 0.95]),
+            ]
+        columns = ["nominal", "low", "median", "high"]
+        return pd.DataFrame.from_dict(rows, "index", columns=columns).rename_axis("counted")
 
     @cached_property
     def _rows(self) -> pd.DataFrame:
-        """One row per module: line, position on the line, module name and segment name."""
+        """One row per module: position on its line, x, module name and segment name."""
         number = np.arange(self.modules)
         line, place = number % self.lines, number // self.lines
-        return pd.DataFrame(
-            {
-                "line": line,
-                "place": place,
-                "device": [f"module {n}" for n in number + 1],
-                "segment": [f"line {n}" for n in line + 1],
-                "x_m": self.distance + self.spacing * place,
-            }
-        )
+        rows = pd.DataFrame({"place": place, "x_m": self.distance + self.spacing * place})
+        rows["device"] = [f"module {n}" for n in number + 1]
+        return rows.assign(segment=[f"line {n}" for n in line + 1])
 
     @cached_property
     def iolist(self) -> IoList:
         """The contacts as an I/O list."""
         rows = self._rows.loc[self._rows.index.repeat(self.contacts)].reset_index(drop=True)
-        nothing = np.full(len(rows), np.nan)
-        port = np.tile(np.arange(1, self.contacts + 1), self.modules)
-        points = pd.DataFrame(
-            {
-                "tag": [f"{d} contact {n}" for d, n in zip(rows["device"], port, strict=True)],
-                "system": "plant", "type": "DI", "signal": self.signal,
-                "conductors": SIGNALS[self.signal].conductors,
-                "x_m": rows["x_m"], "y_m": self.drop, "z_m": 0.0, "box": "",
-                "box_x_m": nothing, "box_y_m": nothing, "box_z_m": nothing,
-                "to_box_m": nothing, "home_run_m": nothing, "update_ms": 1000.0,
-                "category": "", "note": "", "device": rows["device"], "ex": "",
-            }
-        )  # fmt: skip
-        return IoList(points, "counts of a plant")
+        number = np.tile(np.arange(1, self.contacts + 1), self.modules)
+        tags = [f"{d} contact {n}" for d, n in zip(rows["device"], number, strict=True)]
+        points = rows[["x_m", "device"]].assign(tag=tags, signal=self.signal, system="plant")
+        points = points.assign(y_m=self.drop, z_m=0.0, update_ms=1000.0)
+        return IoList.from_table(points, "counts of a plant")
 
     @cached_property
     def hardwired(self) -> Design:
@@ -164,91 +151,79 @@ class Plant:
         # The common return of a module runs in the cable to its first contact.
         first = np.tile(np.arange(self.contacts) == 0, self.modules)
         used = points["conductors"] + first * SIGNALS[self.signal].common
-        return self._made(
-            "hardwired",
-            points=_points(points["tag"], "hardwired", device="cabinet"),
-            devices=[_device("cabinet", "cabinet")],
-            cables=self._runs(
-                "home run", a="cabinet", b=points["tag"], cable=_PAIR, segment="",
-                route=points["x_m"] + points["y_m"], at_cabinet=True, used=used,
-            ),
-            segments=(),
-        )  # fmt: skip
+        route = points["x_m"] + points["y_m"]
+        cables = _runs("home run", "cabinet", points["tag"], _PAIR, "", route, used, True)
+        return self._made("hardwired", cables, [_device("cabinet", "cabinet")])
 
     @cached_property
     def on_asi(self) -> Design:
         """Design with the contacts on AS-i modules, and the lines' masters in the cabinet."""
         rows, points = self._rows, self.iolist.points
-        first = (rows["place"] == 0).to_numpy()
-        masters = rows["segment"].str.replace("line", "master")
-        before = rows["device"].shift(self.lines)
-        trunk = self._runs(
-            "trunk", a=before.where(~first, masters), b=rows["device"], cable=_ASI,
-            segment=rows["segment"], route=np.where(first, self.distance, self.spacing),
-            at_cabinet=first, used=ASI_PAIR,
-        )  # fmt: skip
-        own = rows.loc[rows.index.repeat(self.contacts)]
-        drops = self._runs(
-            "drop", a=own["device"].to_numpy(), b=points["tag"], cable=_PAIR,
-            segment=own["segment"].to_numpy(), route=self.drop, at_cabinet=False,
-            used=points["conductors"],
-        )  # fmt: skip
-        lengths = trunk.groupby("segment", sort=False)["length_m"].sum()
-        devices = [_device("cabinet", "cabinet")]
-        for line, (segment, length) in enumerate(lengths.items(), 1):
-            devices += [
-                _device(f"{kind} {line}", kind, segment, at="cabinet")
-                for kind in ("master", "supply")
-            ]
-            devices += [
-                _device(f"repeater {line}.{n}", "repeater", segment, x=n * _SEGMENT)
-                for n in range(1, ceil(length / _SEGMENT))
-            ]
-        devices += [
-            _device(device, "module", segment, x=x)
-            for device, segment, x in zip(rows["device"], rows["segment"], rows["x_m"], strict=True)
-        ]
-        count = rows["segment"].value_counts(sort=False)
-        nan = float("nan")
-        return self._made(
-            "AS-i",
-            points=_points(
-                points["tag"], "AS-i", segment=own["segment"], device=own["device"],
-                response_ms=nan,
-            ),
-            devices=devices,
-            cables=pd.concat([trunk, drops]),
-            segments=[
-                {"segment": segment, "bus": "AS-i", "points": self.contacts * n, "devices": n,
-                 "length_m": length, "bus_time": nan, "capacity_used": nan, "response_ms": nan,
-                 "slowest_update_ms": 1000.0}
-                for (segment, length), n in zip(lengths.items(), count, strict=True)
-            ],
-        )  # fmt: skip
+        first, segments = (rows["place"] == 0).to_numpy(), rows["segment"]
+        near = (
+            rows["device"].shift(self.lines).where(~first, segments.str.replace("line", "master"))
+        )
+        route = np.where(first, self.distance, self.spacing)
+        trunk = _runs("trunk", near, rows["device"], _ASI, segments, route, ASI_PAIR, first)
+        at = rows.loc[rows.index.repeat(self.contacts)].reset_index(drop=True)
+        used = points["conductors"]
+        drops = _runs(
+            "drop", at["device"], points["tag"], _PAIR, at["segment"], self.drop, used, False
+        )
+        devices, lines = [_device("cabinet", "cabinet")], []
+        for line, (segment, runs) in enumerate(trunk.groupby("segment", sort=False), 1):
+            length, count = runs["length_m"].sum(), len(runs)
+            for kind in ("master", "supply"):
+                devices.append(_device(f"{kind} {line}", kind, segment, at="cabinet"))
+            for n in range(1, ceil(length / _SEGMENT)):
+                devices.append(_device(f"repeater {line}.{n}", "repeater", segment, n * _SEGMENT))
+            row: dict[str, Any] = dict.fromkeys(_UNKNOWN, np.nan)
+            row |= {"segment": segment, "bus": "AS-i", "points": self.contacts * count}
+            lines.append({**row, "devices": count, "length_m": length, "slowest_update_ms": 1000.0})
+        for device, segment, x in zip(rows["device"], segments, rows["x_m"], strict=True):
+            devices.append(_device(device, "module", segment, x))
+        return self._made("AS-i", pd.concat([trunk, drops]), devices, at, lines)
 
-    def _runs(self, kind: str, *, route: object, used: object, **columns: object) -> pd.DataFrame:
-        table = pd.DataFrame({**columns, "route_m": route, "used": used, "kind": kind, "line": ""})
-        table["length_m"] = _SITE.length(table["route_m"].to_numpy(dtype=float))
-        table["conductors"] = table["used"]
-        table["run"] = [f"{kind} {a} - {b}" for a, b in zip(table["a"], table["b"], strict=True)]
-        return table
-
-    def _made(self, name: str, **tables: Any) -> Design:
-        made: dict[str, Any] = {of: frame(of, tables.get(of, ())) for of in COLUMNS}
-        return Design(name, self.iolist, _SITE, **made, settings=Settings({"spare": 0}))
+    def _made(
+        self,
+        name: str,
+        cables: pd.DataFrame,
+        devices: list[dict[str, object]],
+        at: pd.DataFrame | None = None,
+        segments: Sequence[Mapping[str, object]] = (),
+    ) -> Design:
+        """Return a design; `at` has the module and the segment of each point, if it has one."""
+        points = self.iolist.points[["tag"]].assign(address="", fits=True)
+        if at is None:
+            points = points.assign(bus="hardwired", segment="", device="cabinet", response_ms=0.0)
+        else:
+            points = points.assign(bus="AS-i", segment=at["segment"], device=at["device"])
+            points = points.assign(response_ms=np.nan)
+        tables = {"points": points, "devices": devices, "cables": cables, "segments": segments}
+        frames: dict[str, Any] = {of: frame(of, tables.get(of, ())) for of in COLUMNS}
+        return Design(name, self.iolist, _SITE, **frames, settings=Settings({"spare": 0}))
 
 
-def _points(tags: pd.Series, bus: str, **columns: object) -> pd.DataFrame:
-    given = {"segment": "", "response_ms": 0.0, "address": "", "fits": True, **columns}
-    arrays = {
-        name: value.to_numpy() if isinstance(value, pd.Series) else value
-        for name, value in given.items()
-    }
-    return pd.DataFrame({"tag": tags.to_numpy(), "bus": bus, **arrays})
+def _runs(
+    kind: str,
+    a: object,
+    b: pd.Series,
+    cable: str,
+    segment: object,
+    route: object,
+    used: object,
+    at_cabinet: Any,
+) -> pd.DataFrame:
+    table = pd.DataFrame({"a": a, "b": b, "segment": segment, "route_m": route, "used": used})
+    table = table.assign(kind=kind, cable=cable, line="", at_cabinet=at_cabinet)
+    table["length_m"] = _SITE.length(table["route_m"].to_numpy(dtype=float))
+    table["conductors"] = table["used"]
+    table["run"] = [f"{kind} {a} - {b}" for a, b in zip(table["a"], table["b"], strict=True)]
+    return table
 
 
 def _device(
-    name: str, kind: str, segment: object = "", *, x: float = 0.0, at: str = ""
+    name: str, kind: str, segment: object = "", x: float = 0.0, at: str = ""
 ) -> dict[str, object]:
     place = {"x_m": x, "y_m": 0.0, "z_m": 0.0}
     return {"device": name, "kind": kind, "segment": segment, "at": at, **place}

@@ -27,12 +27,9 @@ _DOT, _WORD = np.array([0.02, 0.03]), np.array([0.3, 0.07])
 def _box(ax: Axes, x: float, y: float, width: float, height: float, text: str, colour: str) -> None:
     from matplotlib.patches import FancyBboxPatch
 
-    ax.add_patch(
-        FancyBboxPatch(
-            (x, y - height / 2), width, height,
-            boxstyle="round,pad=0.02,rounding_size=0.06", facecolor=colour, edgecolor="0.3",
-        )
-    )  # fmt: skip
+    patch = FancyBboxPatch((x, y - height / 2), width, height, facecolor=colour, edgecolor="0.3")
+    patch.set_boxstyle("round,pad=0.02,rounding_size=0.06")
+    ax.add_patch(patch)
     ax.text(x + width / 2, y, text, ha="center", va="center")
 
 
@@ -46,7 +43,7 @@ def plot_points(points: pd.DataFrame, option: str, *, ax: Axes | None = None) ->
             f"the list names no device for {len(missing)} of {len(points)} points, the first is "
             f"{missing.iloc[0]}; add a column device, or draw a design: points.plan('CAN').plot()"
         )
-    devices = [(str(device), own) for device, own in points.groupby("device", sort=False)]
+    devices = [(str(device), rows_of) for device, rows_of in points.groupby("device", sort=False)]
     if ax is None:
         from matplotlib import pyplot as plt
 
@@ -75,12 +72,10 @@ def _plot_hardwired(
             for conductor in range(conductors):
                 offset = 0.05 * (conductor - (conductors - 1) / 2)
                 ax.plot([1.66, 7.94], [y + offset, y + offset], color="0.25", linewidth=0.9)
-            name = str(point.tag).removeprefix(f"{device}-")
-            ax.text(
-                7.7, y, f"{name}  {conductors} conductor{'s' * (conductors > 1)}",
-                ha="right", va="center", color="0.25",
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
-            )  # fmt: skip
+            s = "s" if conductors > 1 else ""
+            words = f"{str(point.tag).removeprefix(f'{device}-')}  {conductors} conductor{s}"
+            white = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+            ax.text(7.7, y, words, ha="right", va="center", color="0.25", bbox=white)
     shared = [kind for kind in counts if SIGNALS[kind].common]
     for place, kind in enumerate(shared):
         y = -height + 0.45 - 0.12 * place
@@ -106,10 +101,8 @@ def _plot_asi(
         _box(ax, 5, -row, 1.3, 0.72, f"slave {row + 1}", _MODULE)
         local = hardwired_conductors(Counter(points["signal"]))
         ax.plot([6.36, 7.94], [-row, -row], color="0.25", linewidth=2)
-        ax.text(
-            7.15, -row + 0.06, f"{local} short conductors",
-            ha="center", va="bottom", color="0.25",
-        )  # fmt: skip
+        words, above = f"{local} short conductors", -row + 0.06
+        ax.text(7.15, above, words, ha="center", va="bottom", color="0.25")
     supply = f"{ASI_PAIR} conductors, data and supply"
     ax.text(4.5, 0.45, supply, ha="right", color="#8a6d00")
     return height + 0.1, f"AS-i: {ASI_PAIR} conductors in the trunk for {counts.total()} points"
@@ -143,16 +136,13 @@ def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None
     front = at[best][np.lexsort(at[best].T[::-1])]
     ax.plot(*front.T, color="C0", linewidth=1, drawstyle="steps-post", zorder=1)
     for place, filled in zip(at[:, :, None], best, strict=True):
-        ax.plot(
-            *place, marker="o", markersize=7, linestyle="none", color="C0",
-            markerfacecolor="C0" if filled else "white", zorder=3 if filled else 2,
-        )  # fmt: skip
+        face, order = ("C0", 3) if filled else ("white", 2)
+        ax.plot(*place, "o", markersize=7, color="C0", markerfacecolor=face, zorder=order)
     for names, place, left, below in _labels(table.dropna().astype(float)):
         # Each label is on the side with more room, and below its dot if another label is above.
-        ax.annotate(
-            names, place, (-6 if left else 6, -5 if below else 5), textcoords="offset points",
-            ha="right" if left else "left", va="top" if below else "bottom",
-        )  # fmt: skip
+        ha, right = ("right", -6) if left else ("left", 6)
+        va, up = ("top", -5) if below else ("bottom", 5)
+        ax.annotate(names, place, (right, up), textcoords="offset points", ha=ha, va=va)
     ax.set(xlabel=x, ylabel=y)
     ax.margins(0.15)
     return ax

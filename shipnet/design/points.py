@@ -125,14 +125,13 @@ class Points(Cells):
         if pair not in self._meant:
             word, _ = without_safety(self.reading.signal(clean(widened(pair[1]))))
             self._meant[pair] = plain(widened(pair[0])) in spellings("type") or bool(meanings(word))
-        numbers = (cell(name) for name in (*RANGES, "conductors"))
-        return self._meant[pair] or any(map(_holds_number, numbers)) or is_frame(cell("frame"))
-
-
-def _holds_number(cell: str) -> bool:
-    return bool(cell) and any(
-        read_number(cell, ".", unit, unit) is not None for unit in ("m", "ms")
-    )
+        numbers = filter(None, (cell(name) for name in (*RANGES, "conductors")))
+        has_number = any(
+            read_number(number, ".", unit, unit) is not None
+            for number in numbers
+            for unit in ("m", "ms")
+        )
+        return self._meant[pair] or has_number or is_frame(cell("frame"))
 
 
 # Numeric columns of an I/O list: positions of points and boxes, lengths of cables, update times --
@@ -208,14 +207,14 @@ def _place_by_frames(cells: Points, numbers: dict[str, Floats]) -> None:
             )
             cells.doubt(statement, given)
             return
-        known = {row: _placed(reading, dict(zip(columns, row, strict=True)), computed)
-                 for row in set(rows)}  # fmt: skip
+        cells_of = {row: dict(zip(columns, row, strict=True)) for row in set(rows)}
+        known = {row: _placed(reading, cells_of[row], computed) for row in cells_of}
         for place in np.flatnonzero(given).tolist():
-            found = known[rows[place]]
-            if isinstance(found, str):
-                cells.wrong([place], found if found in columns else "location", PLACED[found])
+            axes = known[rows[place]]
+            if isinstance(axes, str):
+                cells.wrong([place], axes if axes in columns else "location", PLACED[axes])
                 continue
-            for name, value in found.items():
+            for name, value in axes.items():
                 if name != "y_m" or np.isnan(numbers[name][place]):
                     numbers[name][place] = value
         statement = ", ".join(axis[0] for axis in computed)
@@ -240,14 +239,14 @@ def _placed(
     ways = {"x_m": ("frame", reading.along), "z_m": ("deck", reading.above)}
     if parts.get("side"):
         ways["y_m"] = ("side", off_centre)
-    found = {}
+    axes = {}
     for axis, (name, read) in ways.items():
         if axis in computed or axis == "y_m":
             value = read(parts.get(name, ""))
             if value is None:
                 return name
-            found[axis] = value
-    return found
+            axes[axis] = value
+    return axes
 
 
 def _check_partly(cells: Points, names: Sequence[str]) -> Bools:
@@ -282,7 +281,7 @@ def _check_boxes(cells: Points, boxes: Sequence[str], numbers: dict[str, Floats]
     fill = (same >= 0) & ~have.any(axis=1)
     for axis, name in enumerate(_BOX):
         numbers[name] = np.where(fill, places[same, axis], numbers[name])
-    away = [numbers[own] - numbers[box] for own, box in zip(_POSITION, _BOX, strict=True)]
+    away = [numbers[axis_of] - numbers[box] for axis_of, box in zip(_POSITION, _BOX, strict=True)]
     straight = np.sqrt(np.square(away).sum(axis=0))
     short = numbers["to_box_m"] < straight - ROUNDED
     cells.doubt("the length to the box is used, but is shorter than the straight distance", short)
@@ -296,9 +295,6 @@ _CATEGORIES = {
     for word in (name, str(number), f"cat {name}", f"cat {number}", f"category {name}")
 }
 
-#: A signal, its intrinsic-safety marking, and the faults of the point by column.
-_Found = tuple[str, str, list[tuple[str, str]]]
-
 
 def points_of(
     sheet: Sheet, reading: Reading, *, strict: bool = False
@@ -307,9 +303,16 @@ def points_of(
     cells = Points(sheet, reading)
     texts = {name: _text(cells, name) for name in ("tag", "system", "box", "device")}
     texts["ex"] = _safety(cells)
-    _check_tags(cells, texts["tag"])
+    cells.wrong([row for row, tag in enumerate(texts["tag"]) if not tag], "tag", "a tag")
+    first: dict[str, int] = {}
+    for row, tag in enumerate(texts["tag"]):
+        before = first.setdefault(tag.casefold(), row)
+        if before != row and tag:
+            taken = f"{tag!r} is already the tag of row {cells.rows[before]}"
+            statement = f", column {cells.title('tag')}: {taken}; expected a different tag"
+            cells.fault(row, "tag", statement)
     types = {plain(word): find_signal(name) for word, name in reading.signals}
-    types |= {word: found[0][0] for word, found in spellings("type").items()}
+    types |= {word: means[0][0] for word, means in spellings("type").items()}
     unsafe = cells.given("ex") & ~np.fromiter(map(bool, texts["ex"]), bool, len(cells.rows))
     signals = _signals(cells, _look_up(cells, "type", types, "DI, DO, AI or AO"), texts["ex"])
     disagree = unsafe & np.fromiter(map(bool, texts["ex"]), bool, len(cells.rows))
@@ -320,9 +323,9 @@ def points_of(
     numbers = read_numbers(cells, texts["box"])
     if "system" in cells.places:
         cells.doubt("no system", ~cells.given("system"))
-    if unboxed := [row for row, box in zip(cells.rows, texts["box"], strict=True) if not box]:
-        if len(unboxed) < len(cells.rows):
-            cells.remarks.append(Remark("no box", tuple(unboxed), detail=True))
+    unboxed = tuple(row for row, box in zip(cells.rows, texts["box"], strict=True) if not box)
+    if 0 < len(unboxed) < len(cells.rows):
+        cells.remarks.append(Remark("no box", unboxed, detail=True))
     cells.check(strict=strict)
     if safe := tuple(row for row, mark in zip(cells.rows, texts["ex"], strict=True) if mark):
         cells.remarks.append(Remark("intrinsically safe, each with a barrier", safe))
@@ -330,6 +333,11 @@ def points_of(
         which = f"{count} points have" if count > 1 else "1 point has"
         statement = f"{which} no update time; the one in the settings is used, by default 1000 ms"
         cells.remarks.append(Remark(statement))
+    # The printable text of all note columns.
+    notes = [cleaned(cells.column(place)) for place in cells.places.get("note", [])]
+    together = ["; ".join(filter(None, n)) for n in zip(*notes, strict=True)] if notes else ""
+    if not "".join(together).isprintable():
+        together = ["".join(filter(str.isprintable, note)) for note in together]
     columns: dict[str, object] = {
         **texts,
         "type": [SIGNALS[name].kind for name in signals],
@@ -337,7 +345,7 @@ def points_of(
         "conductors": np.array([SIGNALS[name].conductors for name in signals], dtype=np.int64),
         **numbers,
         "category": categories,
-        "note": _notes(cells),
+        "note": together,
     }
     return pd.DataFrame({name: columns[name] for name in COLUMNS}), tuple(cells.remarks)
 
@@ -382,38 +390,18 @@ def _safety(cells: Points) -> list[str]:
     return [known.get(text, "") for text in texts]
 
 
-def _notes(cells: Points) -> list[str]:
-    """Return the printable text of each point's notes, from all note columns."""
-    columns = [cleaned(cells.column(place)) for place in cells.places.get("note", [])]
-    if not columns:
-        return [""] * len(cells.rows)
-    notes = ["; ".join(filter(None, own)) for own in zip(*columns, strict=True)]
-    return [n if n.isprintable() else "".join(filter(str.isprintable, n)) for n in notes]
-
-
-def _check_tags(cells: Points, tags: list[str]) -> None:
-    first: dict[str, int] = {}
-    cells.wrong([row for row, tag in enumerate(tags) if not tag], "tag", "a tag")
-    for row, tag in enumerate(tags):
-        before = first.setdefault(tag.casefold(), row)
-        if before != row and tag:
-            taken = f"{tag!r} is already the tag of row {cells.rows[before]}"
-            statement = f", column {cells.title('tag')}: {taken}; expected a different tag"
-            cells.fault(row, "tag", statement)
-
-
 def _look_up(cells: Points, name: str, known: Mapping[str, str], expected: str) -> list[str]:
     """Return the meaning of each cell of a column, "" if empty; unknown cells are faults."""
-    found = {cell: known.get(plain(widened(cell)), "") for cell in set(cells[name])}
-    rows = [row for row, cell in enumerate(cells[name]) if cell and not found[cell]]
+    meaning = {cell: known.get(plain(widened(cell)), "") for cell in set(cells[name])}
+    rows = [row for row, cell in enumerate(cells[name]) if cell and not meaning[cell]]
     cells.wrong(rows, name, expected)
-    return [found[cell] for cell in cells[name]]
+    return [meaning[cell] for cell in cells[name]]
 
 
 def _signals(cells: Points, kinds: list[str], safety: list[str]) -> list[str]:
     """Return the signal of each point, and add intrinsic-safety markings to `safety`."""
     # A list has few distinct signals, so each is looked up once.
-    known: dict[tuple[str, str, str, str], _Found] = {}
+    known: dict[tuple[str, str, str, str], tuple[str, str, list[tuple[str, str]]]] = {}
     signals: list[str] = []
     taken: dict[tuple[str, str], list[int]] = {}
     words = cleaned([*map(widened, cells["signal"])])
@@ -468,11 +456,11 @@ def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tup
             return "contact", [*faults, ("signal", str(error))]
         alike = ", ".join(name for name, signal in SIGNALS.items() if signal.kind == kind)
         return "contact", [*faults, ("signal", f"is empty; expected one of {alike}")]
-    own = SIGNALS[signal]
-    if (kind and own.kind != kind) or (named and named != signal):
-        faults.append(("type", f"{given!r}; expected {own.kind} for the signal {signal}"))
-    if conductors and own.conductors != conductors:
-        expected = f"expected {own.conductors} for the signal {signal}"
+    entry = SIGNALS[signal]
+    if (kind and entry.kind != kind) or (named and named != signal):
+        faults.append(("type", f"{given!r}; expected {entry.kind} for the signal {signal}"))
+    if conductors and entry.conductors != conductors:
+        expected = f"expected {entry.conductors} for the signal {signal}"
         faults.append(("conductors", f"{count!r}; {expected}"))
     return signal, faults
 
@@ -526,17 +514,17 @@ class PointTable:
         strict: bool = False,
     ) -> Self:
         """Read an I/O list from a CSV file or an Excel workbook."""
-        found = read_sheet(path, sheet, is_titles=Points.score(reading.columns), what=_WHAT)
-        near = [found.titles, *(cells for _, cells in [*found.above[-1:], *found.rows[:1]])]
-        names = {c.name for cells in near for title in cells
-                 if (c := column_of(title, reading.columns))}  # fmt: skip
+        table = read_sheet(path, sheet, is_titles=Points.score(reading.columns), what=_WHAT)
+        near = [table.titles, *(cells for _, cells in [*table.above[-1:], *table.rows[:1]])]
+        titles = (title for cells in near for title in cells)
+        names = {column.name for t in titles if (column := column_of(t, reading.columns))}
         needed = names & {"frame", "deck", "location"} and not {"x_m", "z_m"} <= names
         if needed and not (reading.frames or reading.decks):
             places = read_sheets(path, is_place_titles)
             reading, remarks = reading.with_sheets(places)
-            found = found.also_read([one.sheet for one in places]) if places else found
-            found = replace(found, remarks=(*found.remarks, *remarks))
-        return cls._of(found, reading, strict)
+            table = table.also_read([one.sheet for one in places]) if places else table
+            table = replace(table, remarks=(*table.remarks, *remarks))
+        return cls._of(table, reading, strict)
 
     @classmethod
     def _of(cls, sheet: Sheet, reading: Reading, strict: bool) -> Self:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -95,10 +96,10 @@ _VERDICTS = {"met": "pass", "violated": "fail", "not verified": "open"}
 def picture(svg: str, words: str) -> str:
     """Return a picture with its caption."""
     data = b64encode(svg.encode()).decode()
-    said = escape(words)
+    caption = escape(words)
     return (
-        f'<figure><img src="data:image/svg+xml;base64,{data}" alt="{said}">'
-        f"<figcaption>{said}</figcaption></figure>"
+        f'<figure><img src="data:image/svg+xml;base64,{data}" alt="{caption}">'
+        f"<figcaption>{caption}</figcaption></figure>"
     )
 
 
@@ -117,8 +118,8 @@ _FAILURE_WORDS = {
 }
 
 
-def _each(rows: pd.DataFrame) -> Iterator[Any]:
-    return iter(rows.itertuples())
+def _each(rows: pd.DataFrame) -> Iterable[Any]:
+    return rows.itertuples()
 
 
 def _failures(designs: Mapping[str, Design]) -> str:
@@ -127,22 +128,19 @@ def _failures(designs: Mapping[str, Design]) -> str:
         cuts = design._failures
         cuts = cuts[cuts["kind"] != "cabinet"]
         for failure in FAILURES:
-            mine = cuts[cuts["failure"] == failure]
-            if len(mine):
-                worst: Any = mine.iloc[mine["points_lost"].to_numpy().argmax()]
-                costs = int((mine["points_lost"] > 0).sum())
-                rows.append(
-                    [option, _FAILURE_WORDS[failure], str(len(mine)), str(costs),
-                     str(worst["points_lost"]), worst["failed"] if costs else "",
-                     ", ".join(worst["systems"])]
-                )  # fmt: skip
-        many = cuts[cuts["points_lost"] > 1].sort_values(
-            "points_lost", ascending=False, kind="stable"
-        )
-        details += [
-            [option, row.failure, row.failed, row.segment, str(row.points_lost), _some(row.tags)]
-            for row in _each(many.head(_FAILURES_SHOWN))
-        ]
+            cases = cuts[cuts["failure"] == failure]
+            if len(cases):
+                worst: Any = cases.iloc[cases["points_lost"].to_numpy().argmax()]
+                losing = int((cases["points_lost"] > 0).sum())
+                counts = [str(n) for n in (len(cases), losing, worst["points_lost"])]
+                where = [worst["failed"] if losing else "", ", ".join(worst["systems"])]
+                rows.append([option, _FAILURE_WORDS[failure], *counts, *where])
+        many = cuts[cuts["points_lost"] > 1]
+        many = many.sort_values("points_lost", ascending=False, kind="stable")
+        for row in _each(many.head(_FAILURES_SHOWN)):
+            count, tags = str(row.points_lost), _some(row.tags)
+            details.append([option, row.failure, row.failed, row.segment, count, tags])
+    worst_head = "option,failure,cases,with losses,max. points,failed,systems".split(",")
     return section(
         "Points lost by single failures",
         text(
@@ -150,13 +148,10 @@ def _failures(designs: Mapping[str, Design]) -> str:
             "is lost if no path connects it to the cabinet, or if its station has no supply. "
             "Reflections at an open end, and parts in the cabinet, are not considered."
         ),
-        table(
-            ["option", "failure", "cases", "with losses", "max. points", "failed", "systems"], rows,
-            numbers=[2, 3, 4],
-        ),
+        table(worst_head, rows, numbers=[2, 3, 4]),
         text(f"The {_FAILURES_SHOWN} worst failures of each option", tag="h3"),
         table(["option", "failure", "failed", "segment", "points", "tags"], details, numbers=[4]),
-    )  # fmt: skip
+    )
 
 
 def _some(names: tuple[str, ...], shown: int = 6) -> str:
@@ -165,11 +160,10 @@ def _some(names: tuple[str, ...], shown: int = 6) -> str:
 
 
 def _reasons(reasons: pd.DataFrame) -> str:
-    rows = [
-        [row.design, row.subject, row.text, row.limit, f"{number(row.value)} {row.unit}",
-         f"{number(row.bound)} {row.unit}"]
-        for row in _each(reasons.head(_REASONS_SHOWN))
-    ]  # fmt: skip
+    rows = []
+    for row in _each(reasons.head(_REASONS_SHOWN)):
+        values = [f"{number(x)} {row.unit}" for x in (row.value, row.bound)]
+        rows.append([row.design, row.subject, row.text, row.limit, *values])
     if not rows:
         return section("Points left out", text("Every point fits in every option."))
     more = len(reasons) - len(rows)
@@ -180,17 +174,26 @@ def _reasons(reasons: pd.DataFrame) -> str:
     )
 
 
+#: Columns of the report's table of segments, with their titles.
+_SEGMENTS = {
+    "length_m": "trunk [m]",
+    "bus_time": "bus time",
+    "capacity_used": "capacity used",
+    "response_ms": "response [ms]",
+    "slowest_update_ms": "needed [ms]",
+}
+
+
 def _segments(designs: Mapping[str, Design]) -> str:
-    rows = [
-        [option, row.segment, row.bus, str(row.points), str(row.devices), number(row.length_m),
-         *("-" if share != share else f"{share:.1%}".replace("%", " %")
-           for share in (row.bus_time, row.capacity_used)),
-         number(row.response_ms), number(row.slowest_update_ms)]
-        for option, design in designs.items()
-        for row in _each(design.segments)
-    ]  # fmt: skip
-    head = ["option", "segment", "bus", "points", "devices", "trunk [m]", "bus time",
-            "capacity used", "response [ms]", "needed [ms]"]  # fmt: skip
+    rows = []
+    for option, design in designs.items():
+        shown = design.segments[["segment", "bus", "points", "devices", *_SEGMENTS]].astype(object)
+        for share in ("bus_time", "capacity_used"):
+            shown[share] = ["-" if isnan(x) else f"{100 * x:.1f} %" for x in shown[share]]
+        for column in ("length_m", "response_ms", "slowest_update_ms"):
+            shown[column] = shown[column].map(number)
+        rows += [[option, *map(str, row)] for row in shown.itertuples(index=False)]
+    head = ["option", "segment", "bus", "points", "devices", *_SEGMENTS.values()]
     body = table(head, rows, numbers=range(3, 10)) if rows else text("No option has a bus.")
     return section("Segments", body)
 
@@ -198,37 +201,33 @@ def _segments(designs: Mapping[str, Design]) -> str:
 def _figures(quantities: Mapping[str, Quantities], likely: pd.DataFrame) -> str:
     parts = []
     head = ["", "all low", "nominal", "all high", "5 %", "95 %"]
-    for option, takes in quantities.items():
-        drawn: Any = likely.loc[option]
-        rows = [
-            [label(str(name)), *(number(row[level]) for level in LEVELS),
-             number(drawn.loc[name, "low"]), number(drawn.loc[name, "high"])]
-            for name, row in takes.figures.iterrows()
-        ]  # fmt: skip
-        parts.append(text(option, tag="h3"))
-        parts.append(table(head, rows, numbers=range(1, len(head))))
-        cables = [
-            [str(cable), number(row["runs"]), number(row["length_m"]), number(row["mass_kg"]),
-             number(row["cost_eur"])]
-            for cable, row in takes.by_cable.iterrows()
-        ]  # fmt: skip
-        parts.append(table(["cable", "runs", "m", "kg", "EUR"], cables, numbers=range(1, 5)))
+    for option, each in quantities.items():
+        drawn = pd.DataFrame(likely.loc[option])[["low", "high"]]
+        values = pd.concat([each.figures[list(LEVELS)], drawn], axis=1)
+        rows = [[label(str(row[0])), *map(number, row[1:])] for row in values.itertuples()]
+        cables = [[row[0], *map(number, row[1:])] for row in each.by_cable.itertuples()]
+        parts += [
+            text(option, tag="h3"),
+            table(head, rows, numbers=range(1, len(head))),
+            table(["cable", "runs", "m", "kg", "EUR"], cables, numbers=range(1, 5)),
+        ]
     return section("Quantities of each option", *parts)
 
 
 def _assumptions(quantities: Mapping[str, Quantities]) -> str:
-    used = pd.concat([takes.assumptions for takes in quantities.values()])
-    used = used.drop_duplicates("name")
+    used = pd.concat([each.assumptions for each in quantities.values()]).drop_duplicates("name")
     rows = [
-        [row["name"].replace("_", " "),
-         *(number(row[level]) for level in LEVELS),
-         row["unit"], row["status"], row["source"]]
-        for _, row in used.iterrows()
-    ]  # fmt: skip
-    head = ["what", "low", "nominal", "high", "unit", "status", "source"]
+        [name.replace("_", " "), *map(number, ends), unit, status, source]
+        for name, *ends, unit, status, source in used.itertuples(index=False)
+    ]
     return section(
         "Assumptions",
-        table(head, rows, numbers=[1, 2, 3], caption="All prices, masses, hours and factors used."),
+        table(
+            ["what", "low", "nominal", "high", "unit", "status", "source"],
+            rows,
+            numbers=[1, 2, 3],
+            caption="All prices, masses, hours and factors used.",
+        ),
         text("Not included in any figure", tag="h3"),
         bullets(EXCLUDED),
     )
@@ -258,66 +257,61 @@ _BANNER_MORE = (
 )
 
 
-def report_html(found: Any, title: str, date: str) -> str:
+def report_html(comparison: Any, title: str, date: str) -> str:
     """Return the report of `found`, a `Comparison` (`Any` because its module imports this one)."""
-    designs, takes, likely = found.designs, found.quantities, found.likely()
-    annexes = [
-        _what(found),
-        _rules(found.findings().table(), list(designs)),
-        _failures(designs),
-        _reasons(found.reasons()),
-        _segments(designs),
-        _figures(takes, likely),
-        _assumptions(takes),
-        _points(designs),
-        _drawings(designs),
-    ]
-    return document(
-        title,
-        text(title, tag="h1"),
-        text(f"{date + ', ' if date else ''}shipnet {__version__}", "lead"),
-        f'<p class="banner">{BANNER} <span>{_BANNER_MORE}</span></p>',
-        bullets(found.conclusions()),
-        _side_by_side(found.table()),
-        _pictures(found, likely),
-        *_numbered(annexes),
-    )
-
-
-def _numbered(annexes: Sequence[str]) -> list[str]:
-    """Return the table of contents, and the annexes with their letters."""
-    made, lines = [], []
-    for letter, annex in zip("ABCDEFGHIJ", annexes, strict=False):
-        named = annex.replace("<section", f'<section id="annex-{letter}"', 1)
-        made.append(named.replace("<h2>", f"<h2>Annex {letter}: ", 1))
-        title = made[-1].partition("<h2>")[2].partition("</h2>")[0]
-        lines.append(f'<li><a href="#annex-{letter}">{title}</a></li>')
-    contents = "\n".join(["<h2>Contents</h2>", '<ul class="contents">', *lines, "</ul>"])
-    return [f"<nav>\n{contents}\n</nav>", *made]
-
-
-def _drawings(designs: Mapping[str, Design]) -> str:
+    designs, takes, likely = comparison.designs, comparison.quantities, comparison.likely()
     drawn = [
         picture(sheet, f"{option}: cabinet, boxes and stations on their trunks.")
         for option, design in designs.items()
         for sheet, _ in sheets(design)
     ]
-    return section("Single-line drawings", *drawn)
-
-
-def _side_by_side(compared: pd.DataFrame) -> str:
-    shown = compared.drop(columns="pareto")
-    rows = [[label(str(name)), *(number(value) for value in shown[name])] for name in shown]
-    rows.append([label("pareto"), *("yes" if one else "no" for one in compared["pareto"])])
-    return table(
-        ["", *map(str, shown.index)], rows, numbers=range(1, len(shown) + 1),
+    annexes = [
+        _what(comparison),
+        _rules(comparison.findings().table(), list(designs)),
+        _failures(designs),
+        _reasons(comparison.reasons()),
+        _segments(designs),
+        _figures(takes, likely),
+        _assumptions(takes),
+        _points(designs),
+        section("Single-line drawings", *drawn),
+    ]
+    lettered = [
+        annex.replace("<section", f'<section id="annex-{letter}"', 1).replace(
+            "<h2>", f"<h2>Annex {letter}: ", 1
+        )
+        for letter, annex in zip("ABCDEFGHIJ", annexes, strict=False)
+    ]
+    contents = "\n".join(
+        f'<li><a href="#annex-{letter}">{annex.partition("<h2>")[2].partition("</h2>")[0]}</a></li>'
+        for letter, annex in zip("ABCDEFGHIJ", lettered, strict=False)
+    )
+    compared = comparison.table().drop(columns="pareto")
+    rows = [[label(str(name)), *map(number, compared[name])] for name in compared]
+    rows.append([label("pareto"), *comparison.table()["pareto"].map({True: "yes", False: "no"})])
+    side_by_side = table(
+        ["", *map(str, compared.index)],
+        rows,
+        numbers=range(1, len(compared) + 1),
         caption="The designs side by side. Pareto-optimal: the design connects every point, and no "
         f"other is at least as good in {WEIGHED}, and better in one of them.",
-    )  # fmt: skip
+    )
+    return document(
+        title,
+        text(title, tag="h1"),
+        text(f"{date + ', ' if date else ''}shipnet {__version__}", "lead"),
+        f'<p class="banner">{BANNER} <span>{_BANNER_MORE}</span></p>',
+        bullets(comparison.conclusions()),
+        side_by_side,
+        _pictures(comparison, likely),
+        f'<nav>\n<h2>Contents</h2>\n<ul class="contents">\n{contents}\n</ul>\n</nav>',
+        *lettered,
+    )
 
 
-def _what(found: Any) -> str:
-    iolist, site, changes = found.iolist, found.site, found.changes()
+def _what(comparison: Any) -> str:
+    iolist, site, changes = comparison.iolist, comparison.site, comparison.changes()
+    host = comparison.settings.host_time
     systems = iolist.points["system"].replace("", None).nunique()
     in_systems = f"{systems} system{'s' if systems > 1 else ''}" if systems else "no system"
     cabinet = ", ".join(f"{x:g}" for x in site.cabinet)
@@ -330,16 +324,15 @@ def _what(found: Any) -> str:
         where = "The list gives no positions, so every length is taken from the list."
     lines = [
         f"I/O list: {iolist}, in {in_systems}.",
-        *(f"{said[:1].upper()}{said[1:]}." for said in found.remarks),
+        *(f"{remark[:1].upper()}{remark[1:]}." for remark in comparison.remarks),
         where,
-        f"The time in the host, {found.settings.host_time:g} s{_assumed(changes, 'host_time')}, is "
+        f"The time in the host, {host:g} s{_assumed(changes, 'host_time')}, is "
         "added to a response if the rule includes it.",
     ]
-    read = [
-        [f"{note.what[:1].upper()}{note.what[1:]}", str(len(note.rows) or ""),
-         listed(note.rows).lstrip("s ") if note.rows else ""]
-        for note in iolist.notes
-    ]  # fmt: skip
+    read = []
+    for note in iolist.notes:
+        rows = listed(note.rows).lstrip("s ") if note.rows else ""
+        read.append([f"{note.what[:1].upper()}{note.what[1:]}", str(len(note.rows) or ""), rows])
     return section(
         "Basis of the plans",
         bullets(lines),
@@ -362,21 +355,19 @@ def _changes(changes: pd.DataFrame) -> str:
     ]
     if not rows:
         return text("Every limit, price and allowance has its default value.")
-    return table(
-        ["name", "value", "default", "meaning", "designs"], rows,
-        caption="Values that differ from the defaults.",
-    )  # fmt: skip
+    head = ["name", "value", "default", "meaning", "designs"]
+    return table(head, rows, caption="Values that differ from the defaults.")
 
 
-def _pictures(found: Any, likely: pd.DataFrame) -> str:
-    compared, tornado = found.table(), found.tornado()
+def _pictures(comparison: Any, likely: pd.DataFrame) -> str:
+    compared, tornado = comparison.table(), comparison.tornado()
     named = counted(compared)
     axes = ["total_cost_eur", "lost_by_failure"]
     dots = compared[axes].rename(index=named).set_axis(list(map(label, axes)), axis=1)
-    best = [named[name] for name in found.pareto()]
+    best = [named[name] for name in comparison.pareto()]
 
     def ranges(figure: str, drawn: pd.DataFrame | None = None) -> str:
-        ends = ranges_of(found.quantities, figure).rename(index=named)
+        ends = ranges_of(comparison.quantities, figure).rename(index=named)
         return svg(
             lambda ax: plot_ranges(ends, label(figure), likely=drawn, ax=ax),
             height=1.2 + 0.4 * len(ends),
@@ -405,16 +396,16 @@ def _pictures(found: Any, likely: pd.DataFrame) -> str:
 def _rules(rules: Any, options: Sequence[str]) -> str:
     keys = ["rule_set", "rule"]
     first = rules.drop_duplicates(keys)
-    found = {(r.rule_set, r.rule, r.design): r for r in rules.itertuples()}
+    findings = {(r.rule_set, r.rule, r.design): r for r in rules.itertuples()}
 
     def cell(rule: tuple[str, str], option: str) -> str:
-        row = found[*rule, option]
-        value = "" if row.value != row.value else f": {number(row.value)} {row.unit}"
+        row = findings[*rule, option]
+        value = "" if isnan(row.value) else f": {number(row.value)} {row.unit}"
         return f"{row.verdict}{value}"
 
     judged, read, why = [], [], []
     for row in first.itertuples():
-        limit = "" if row.limit != row.limit else f"{row.bound} {number(row.limit)} {row.unit}"
+        limit = "" if isnan(row.limit) else f"{row.bound} {number(row.limit)} {row.unit}"
         limit += ", from a manufacturer" if row.confirmed == "maker" else ""
         rule = (str(row.rule_set), str(row.rule))
         judged.append([row.rule, row.asks, limit, *(cell(rule, option) for option in options)])
@@ -422,8 +413,8 @@ def _rules(rules: Any, options: Sequence[str]) -> str:
         read.append([row.rule, row.rule_set, row.clause, row.edition, row.source, stated])
         same: dict[tuple[str, str], list[str]] = {}
         for option in options:
-            mine = found[*rule, option]
-            same.setdefault((str(mine.object), str(mine.why)), []).append(option)
+            finding = findings[*rule, option]
+            same.setdefault((str(finding.object), str(finding.why)), []).append(option)
         for (subject, because), shared in same.items():
             named = ", ".join(shared) if len(shared) < len(options) else "all"
             why.append([row.rule, named, subject, because])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import MISSING, dataclass, field, fields, replace
 from difflib import get_close_matches
@@ -52,8 +52,8 @@ class _CableFor(Kind):
     @property
     def legal(self) -> str:
         """The legal keys."""
-        own = [name for name, cable in cables().items() if self.bus in cable.buses]
-        return f"one of {', '.join(own)}"
+        keys = [name for name, cable in cables().items() if self.bus in cable.buses]
+        return f"one of {', '.join(keys)}"
 
     def _check(self, name: str, value: Any, record: Any) -> str:
         if not isinstance(value, str) or self.bus not in getattr(cables().get(value), "buses", ()):
@@ -113,6 +113,7 @@ class AsiLimits:
 
     Sources: ICN magazine, July 2007 (length, shared addresses); kim2023, section 3.3 (repeaters,
     ports); ifm AC2216 and AC2526 (channels); Schneider D-SA-0011271 (current); Murr (rating).
+    The flat cable has no type approval for ships.
     """
 
     shared: bool = switch(
@@ -127,19 +128,15 @@ class AsiLimits:
     length: float = number(1, 10e3, "m", "Longest segment, including branches", default=100.0)
     repeaters: int = whole(0, 9, help="Repeaters between the master and a module", default=2)
     tree: bool = switch("Whether the cable branches; otherwise it is a daisy chain", default=True)
-    cable: str = _cable(
-        "AS-i", "Catalogue key of the cable; the flat cable has no type approval for ships",
-        "ASI_MARINE",
-    )  # fmt: skip
+    cable: str = _cable("AS-i", "Catalogue key of the cable", "ASI_MARINE")
     current: float = number(
         0, 10, "A", "Current of a module and its sensors, without 4-20 mA loops", default=0.065
     )
     voltage: float = number(1, 60, "V", "Voltage of a supply", default=30.0)
     rating: float = number(0.01, 100, "A", "Largest current of a supply", default=8.0)
     auxiliary: bool = switch(
-        "Whether a second pair along the line feeds the outputs, from a supply in the cabinet",
-        default=True,
-    )  # fmt: skip
+        "Whether a second pair feeds the outputs from a supply in the cabinet", default=True
+    )
     conversion: float = number(
         0, 10, "s", "Analogue conversion time; manufacturers state 20 to 60 ms", default=0.06
     )
@@ -150,7 +147,11 @@ class AsiLimits:
 
 @record(slots=True)
 class CanLimits:
-    """Limits of a CAN segment; NMEA 2000 allows 50 nodes (Maretron's guide, pp. 20-21)."""
+    """Limits of a CAN segment; NMEA 2000 allows 50 nodes (Maretron's guide, pp. 20-21).
+
+    The load leaves room for errors. The update time of a point is at least the period of its
+    message and the message's deadline together; both shares are assumed.
+    """
 
     bit_rates: tuple[int, ...] = _bit_rates(
         "Bit rates to choose from; a segment uses the highest that its length allows",
@@ -161,9 +162,8 @@ class CanLimits:
         0.001, 1, "", "Highest bus load; assumed, to leave room for errors", default=0.5
     )
     period_share: float = number(
-        0.01, 0.99, "", "Period of a message as a fraction of its points' update time; the rest of "
-        "that time is the message's deadline. Assumed", default=0.5,
-    )  # fmt: skip
+        0.01, 0.99, "", "Period per update time; the rest is the deadline; assumed", default=0.5
+    )
     cable: str = _cable("CAN", "Catalogue key of the trunk cable", "CAN_5_0p75")
 
 
@@ -175,8 +175,9 @@ _RS485 = INTERFACES["RS-485"]
 class ModbusLimits:
     """Limits of a Modbus RTU loop on RS-485.
 
-    Sources: EIA-485 (length, unit loads); "MODBUS over serial line" V1.02, sections 2.2 and 2.4.1
-    (unit ids, time-out).
+    Sources: EIA-485 (length: 4000 ft up to 100 kbit/s and less above, in inverse proportion to the
+    bit rate; unit loads, master and repeaters included); "MODBUS over serial line" V1.02, sections
+    2.2 and 2.4.1 (unit ids; time-out of 1 s to several seconds beyond the longest response).
     """
 
     bit_rates: tuple[int, ...] = _bit_rates(
@@ -184,20 +185,17 @@ class ModbusLimits:
         (9600, 19_200, 38_400, 57_600),
     )
     length: float = number(
-        1, 10e3, "m", "Longest cable between the ends or repeaters; EIA-485 gives 4000 ft up to "
-        "100 kbit/s and less above, in inverse proportion to the bit rate", default=_RS485.length,
-    )  # fmt: skip
+        1, 10e3, "m", "Longest cable between ends or repeaters: EIA-485", default=_RS485.length
+    )
     unit_loads: int = whole(
-        2, 256, help="Devices between ends or repeaters, master and repeaters included: EIA-485",
-        default=_RS485.receivers,
-    )  # fmt: skip
+        2, 256, help="Devices between ends or repeaters: EIA-485", default=_RS485.receivers
+    )
     repeaters: int = whole(0, 9, help="Maximum number of repeaters per loop", default=0)
     units: int = whole(1, 247, help="Unit ids per loop", default=247)
     processing: float = number(0, 60, "s", "Processing time of a station; assumed", default=0.005)
     timeout: float = number(
-        0.001, 60, "s", "Time that the master waits beyond the longest response before it uses the "
-        'second line; "MODBUS over serial line" gives 1 s to several seconds', default=1.0,
-    )  # fmt: skip
+        0.001, 60, "s", "Time without a response until the second line is used", default=1.0
+    )
     character: str = choice(
         CHARACTERS, "Data bits, parity and stop bits of a character", default="8E1"
     )
@@ -210,14 +208,13 @@ class SupplyLimits:
 
     Sources: WAGO 750-1405 (voltage drop: "24 VDC (-25 ... +30 %)", with approvals by DNV and GL),
     750-531 (short) and the manuals of the series 750 (station: "500 mA" at most); Atlas Copco
-    A4530001 (contact). Values without a source are assumed.
+    A4530001 (contact). Values without a source are assumed, and so is the upper limit of a loop.
     """
 
     voltage: float = number(1, 60, "V", "Voltage of a supply", default=24.0)
     drop: float = number(
-        0.001, 0.999, "", "Highest voltage drop to a station, module or coil, as a fraction of "
-        "the supply's voltage: WAGO's marine modules accept 25 % below 24 V", default=0.25,
-    )  # fmt: skip
+        0.001, 0.999, "", "Highest voltage drop to a load per supply voltage: WAGO", default=0.25
+    )
     rating: float = number(0.01, 1000, "A", "Largest current of a supply; assumed", default=20.0)
     station: float = number(0, 100, "A", "Current of a station without its points", default=0.5)
     contact: float = number(0, 10, "A", "Current of a contact or NAMUR switch", default=0.007)
@@ -225,9 +222,8 @@ class SupplyLimits:
         0, 10, "A", "Current of a proximity switch or potentiometer; assumed", default=0.025
     )
     loop: float = number(
-        0, 1, "A", "Current of a 4-20 mA loop or output, and of every analogue point of an AS-i "
-        "module; the upper limit is assumed", default=0.022,
-    )  # fmt: skip
+        0, 1, "A", "Current of a 4-20 mA loop, or of an analogue AS-i point", default=0.022
+    )
     solenoid: float = number(0, 10, "A", "Current of a coil: 6 W at 24 V, assumed", default=0.25)
     simultaneity: float = number(0, 1, "", "Fraction of coils that are on at once", default=0.6)
     short: float = number(
@@ -240,7 +236,11 @@ class SupplyLimits:
 
 @record
 class _Plain:
-    """Settings whose names have no dot."""
+    """Settings whose names have no dot.
+
+    The update time is that of "other indications" in Ch. 2 Sec. 3 Table A1. Spares are pairs in
+    trunks, channels of the cabinet and the stations, and ports of AS-i modules; assumed.
+    """
 
     detour: float = number(
         1, 10, "", "Laid length of a cable as a multiple of its route; assumed", default=1.15
@@ -251,35 +251,34 @@ class _Plain:
         0, 60, "s", "Time in the host, added if a rule includes it; assumed", default=0.5
     )
     spare: float = number(
-        0, 10, "", "Spares as a fraction of those in use: pairs in trunks, channels of the cabinet "
-        "and the stations, and ports of AS-i modules; assumed", default=0.2,
-    )  # fmt: skip
+        0, 10, "", "Spare pairs, channels and ports per those in use; assumed", default=0.2
+    )
     update: float = number(
-        1e-4, 3600, "s", 'Update time of a point without one in the list: "other indications" of '
-        "DNV-OS-D202, Ch. 2 Sec. 3 Table A1", default=1.0,
-    )  # fmt: skip
+        1e-4, 3600, "s", "Update time of a point without one: DNV-OS-D202, Table A1", default=1.0
+    )
     fed: bool = switch(
-        "Whether cables from the cabinet feed stations and supplies in the field; otherwise "
-        "local distribution boards do, which are not counted", default=True,
-    )  # fmt: skip
+        "Whether the cabinet, not local boards, feeds stations and supplies", default=True
+    )
     feeder: str = _cable("hardwired", "Catalogue key of the thinnest feeder cable", "MI1P150")
     field_barriers: bool = switch(
-        "Whether intrinsically safe points are on buses, through barriers in their boxes; if not, "
-        "they have home runs to barriers in the cabinet", default=False,
-    )  # fmt: skip
+        "Whether intrinsically safe points are on buses, with barriers in boxes", default=False
+    )
     list_lengths: bool = switch(
-        "Whether the cable lengths in the list are used even for points whose position is known",
-        default=True,
-    )  # fmt: skip
+        "Whether the list's cable lengths are used even for points with a position", default=True
+    )
 
 
 #: Settings, or values other than the defaults, by name.
 Given: TypeAlias = "Settings | Mapping[str, object] | None"
 
-_PARTS: Mapping[str, type[Any]] = MappingProxyType(
-    {"": _Plain, "boxes": BoxLimits, "asi": AsiLimits, "can": CanLimits, "modbus": ModbusLimits,
-     "supply": SupplyLimits}
-)  # fmt: skip
+_PARTS: Mapping[str, type[Any]] = {
+    "": _Plain,
+    "boxes": BoxLimits,
+    "asi": AsiLimits,
+    "can": CanLimits,
+    "modbus": ModbusLimits,
+    "supply": SupplyLimits,
+}
 
 _HEAD = """\
 # The settings of a comparison. Change values if you know better ones, and delete the other lines.
@@ -374,12 +373,18 @@ class Settings(_Plain):
         faults: list[str] = []
         reading = self.reading
         words = {n: v for n, v in values.items() if n in Reading._fields and isinstance(v, Mapping)}
-        for table, own in words.items():
-            reading, wrong = reading.tried(table, own)
+        for table, added in words.items():
+            reading, wrong = reading.tried(table, added)
             faults += wrong
         object.__setattr__(self, "reading", reading)
         taken: dict[str, dict[str, Any]] = {}
-        for name, value in _flat({n: v for n, v in values.items() if n not in words}):
+        flat: list[tuple[str, object]] = []
+        for name, value in values.items():
+            if name not in words and isinstance(value, Mapping) and "." not in name:
+                flat += [(f"{name}.{inner}", each) for inner, each in value.items()]
+            elif name not in words:
+                flat.append((name, value))
+        for name, value in flat:
             try:
                 kind = kind_of(name)
             except ArgumentError as fault:
@@ -414,10 +419,10 @@ class Settings(_Plain):
     def __getitem__(self, name: str) -> Any:
         """Return the value of a setting by its name."""
         kind_of(name)
-        part, _, own = name.rpartition(".")
+        part, _, key = name.rpartition(".")
         if part == "assumptions":
-            return self.assumptions[own]
-        return getattr(getattr(self, part) if part else self, own)
+            return self.assumptions[key]
+        return getattr(getattr(self, part) if part else self, key)
 
     def table(self) -> pd.DataFrame:
         """Return one row per name: value, default, unit, legal values and meaning."""
@@ -438,8 +443,8 @@ class Settings(_Plain):
         return [name for name in names() if self[name] != _default()[name]]
 
     def __str__(self) -> str:
-        said = [f"{n} {shown(self[n])} (default {shown(_default()[n])})" for n in self._changed]
-        return f"changed: {', '.join(said)}" if said else "all defaults"
+        values = [f"{n} {shown(self[n])} (default {shown(_default()[n])})" for n in self._changed]
+        return f"changed: {', '.join(values)}" if values else "all defaults"
 
     def __repr__(self) -> str:
         return f"<Settings: {self}>"
@@ -456,10 +461,10 @@ class Settings(_Plain):
         try:
             tables = tomllib.loads(text)
         except ValueError as error:
-            said = " ".join(str(error).split())[:200]
+            reason = " ".join(str(error).split())[:200]
             if comma := _COMMA.search(text):
-                said += f"; {comma[1]} has a comma instead of a point"
-            raise InputError(source, f"is not a TOML file: {said}") from None
+                reason += f"; {comma[1]} has a comma instead of a point"
+            raise InputError(source, f"is not a TOML file: {reason}") from None
         settings, faults = _default().tried(tables)
         if faults:
             raise InputError(source, *faults)
@@ -474,22 +479,23 @@ class Settings(_Plain):
         """Return all values as TOML, each with its meaning and legal range."""
         default, lines, table = _default(), [_HEAD], ""
         for name, kind in _kinds().items():
-            part, _, own = name.rpartition(".")
+            part, _, key = name.rpartition(".")
             assumed = part == "assumptions"
             if part != table:
                 table = part
                 lines += [f"[{part}]", *[f"# Each must be {legal(name)}."] * assumed, ""]
             was = f" Default {shown(default[name])}." if self[name] != default[name] else ""
             if assumed:
-                lines.append(f"{own} = {shown(self[name])}  # {kind.help}.{was}")
+                lines.append(f"{key} = {shown(self[name])}  # {kind.help}.{was}")
                 continue
-            for said in (f"{kind.help}.", f"It must be {legal(name)}.{was}"):
-                lines += [f"# {line}" for line in wrap(said, 98)]
-            lines += [f"{own} = {shown(self[name])}", ""]
+            for comment in (f"{kind.help}.", f"It must be {legal(name)}.{was}"):
+                lines += [f"# {line}" for line in wrap(comment, 98)]
+            lines += [f"{key} = {shown(self[name])}", ""]
         for words, pairs in zip(Reading._fields, self.reading, strict=True):
-            own_words = [f"{dumps(word, ensure_ascii=False)} = {dumps(value, ensure_ascii=False)}"
-                         for word, value in pairs]  # fmt: skip
-            lines += ["", f"[{words}]", *own_words] if own_words else ["", _EXAMPLES[words]]
+            quoted = [[dumps(each, ensure_ascii=False) for each in pair] for pair in pairs]
+            lines += (
+                ["", f"[{words}]", *map(" = ".join, quoted)] if pairs else ["", _EXAMPLES[words]]
+            )
         return "\n".join(lines) + "\n"
 
 
@@ -501,15 +507,15 @@ def _default() -> Settings:
 @cache
 def _kinds() -> Mapping[str, Kind]:
     """Return the declaration of each setting by name."""
-    found = {
-        f"{part}.{own}" if part else own: kind
+    kinds = {
+        f"{part}.{key}" if part else key: kind
         for part, record in _PARTS.items()
-        for own, kind in declared(record).items()
+        for key, kind in declared(record).items()
     }
     for name, entry in read_assumptions().items():
-        said = f"{entry.unit if entry.unit != '1' else 'factor'}: {entry.meaning}"
-        found[f"assumptions.{name}"] = _Ends(help=said, unit=entry.unit.replace("1", ""))
-    return MappingProxyType(found)
+        meaning = f"{entry.unit if entry.unit != '1' else 'factor'}: {entry.meaning}"
+        kinds[f"assumptions.{name}"] = _Ends(help=meaning, unit=entry.unit.replace("1", ""))
+    return MappingProxyType(kinds)
 
 
 def names() -> tuple[str, ...]:
@@ -521,10 +527,10 @@ def kind_of(name: str) -> Kind:
     """Return the declaration of a setting, or raise ArgumentError with the nearest name."""
     if name in _kinds():
         return _kinds()[name]
-    part, _, own = name.rpartition(".")
+    part, _, key = name.rpartition(".")
     beside = {last: n for n in names() for head, _, last in [n.rpartition(".")] if head == part}
-    near = get_close_matches(own, beside, n=1)
-    elsewhere = [other for other in names() if other.rpartition(".")[2] == own]
+    near = get_close_matches(key, beside, n=1)
+    elsewhere = [other for other in names() if other.rpartition(".")[2] == key]
     hint = "see shipnet design --show-settings"
     if elsewhere:
         hint = f"use {' or '.join(elsewhere)}"
@@ -539,9 +545,9 @@ def legal(name: str) -> str:
     if isinstance(kind, Switch):
         return "true or false"
     words = {Whole: "a whole number ", Choice: "one of "}
-    said = words.get(type(kind), "") + kind.legal
+    text = words.get(type(kind), "") + kind.legal
     unit = "" if isinstance(kind, _Ends | _BitRates) else kind.unit
-    return f"{said} {unit}".rstrip()
+    return f"{text} {unit}".rstrip()
 
 
 def shown(value: object) -> str:
@@ -551,15 +557,6 @@ def shown(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return f'"{value}"' if isinstance(value, str) else repr(value)
-
-
-def _flat(values: Mapping[str, object]) -> Iterable[tuple[str, object]]:
-    """Yield values by dotted name; a table within a table is not flattened."""
-    for name, value in values.items():
-        if isinstance(value, Mapping) and "." not in name:
-            yield from ((f"{name}.{own}", one) for own, one in value.items())
-        else:
-            yield name, value
 
 
 def _plain(value: object) -> object:
@@ -583,7 +580,7 @@ def _is_number(value: object) -> bool:
 
 def _brief(value: object) -> str:
     try:
-        said = shown(value) if isinstance(value, bool) else repr(value)
+        text = shown(value) if isinstance(value, bool) else repr(value)
     except ValueError:  # an integer with more digits than Python prints
-        said = "a very large number"
-    return said if len(said) <= 60 else f"{said[:57]}..."
+        text = "a very large number"
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -25,14 +25,13 @@ from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 
 #: Setting with the current of each signal; other signals draw no current.
-LOADS: Mapping[str, str] = MappingProxyType(
-    {
-        "contact": "contact", "contact_common": "contact", "namur": "contact",
-        "proximity_3wire": "sensor", "potentiometer": "sensor",
-        "current_loop": "loop", "current_loop_3wire": "loop", "analogue_output": "loop",
-        "solenoid": "solenoid", "solenoid_common": "solenoid",
-    }
-)  # fmt: skip
+_SIGNALS = {
+    "contact": "contact contact_common namur",
+    "sensor": "proximity_3wire potentiometer",
+    "loop": "current_loop current_loop_3wire analogue_output",
+    "solenoid": "solenoid solenoid_common",
+}
+LOADS = {signal: load for load, signals in _SIGNALS.items() for signal in signals.split()}
 
 #: Layers of nodes, each with one node per device: 0 for single lines, lines A and AS-i lines; 1
 #: for lines B and the master side of AS-i repeaters; 2 for feeders of the outputs of AS-i modules.
@@ -90,18 +89,17 @@ class Forest:
         parent, length = self.parent.copy(), self.metres.copy()
         parent[list(nodes)], length[list(nodes)] = new, metres
 
-        def grown(array: npt.NDArray[Any], with_: Any) -> npt.NDArray[Any]:
-            return np.concatenate([array, np.full(len(new), with_, array.dtype)])
-
-        parent = grown(parent, -1)
-        root, levels = _rooted(parent, np.append(self.fed, new))
-        return replace(
-            self, parent=parent, metres=grown(length, 0), root=root, levels=levels,
-            device=grown(self.device, -1), run=grown(self.run, -1), ohms=grown(self.ohms, 0),
-            load=grown(self.load, 0), short=grown(self.short, 0), spur=grown(self.spur, 0),
-            allowed=grown(self.allowed, 0),
-            supply={**self.supply, **dict.fromkeys(new.tolist(), -1)},
-        )  # fmt: skip
+        fills = dict.fromkeys(("ohms", "metres", "load", "short", "spur", "allowed"), 0)
+        fills |= {"device": -1, "run": -1, "parent": -1}
+        changed = replace(self, parent=parent, metres=length)
+        arrays = {name: getattr(changed, name) for name in fills}
+        longer = {
+            name: np.concatenate([array, np.full(len(new), fills[name], array.dtype)])
+            for name, array in arrays.items()
+        }
+        root, levels = _rooted(longer["parent"], np.append(self.fed, new))
+        supply = {**self.supply, **dict.fromkeys(new.tolist(), -1)}
+        return replace(changed, root=root, levels=levels, supply=supply, **longer)
 
 
 def _rooted(parent: Indices, nodes: Indices) -> tuple[Indices, tuple[Indices, ...]]:
@@ -125,19 +123,21 @@ def forest(design: Layout) -> Forest:
     run_asi = runs["segment"].map(buses).to_numpy(object) == "AS-i"
 
     feeder, trunk = ((runs["kind"] == kind).to_numpy() for kind in ("feeder", "trunk"))
-    own = np.flatnonzero(feeder | (trunk & run_asi))
-    a, b = (runs[end].iloc[own].map(index).to_numpy(np.intp) for end in "ab")
+    laid = np.flatnonzero(feeder | (trunk & run_asi))
+    a, b = (runs[end].iloc[laid].map(index).to_numpy(np.intp) for end in "ab")
     # A feeder from the cabinet is either mains to a supply or a data link to a gateway.
-    kept = ~(feeder[own] & np.isin(kinds, ("cabinet", "gateway"))[np.stack([a, b])].any(axis=0))
-    own, a, b = own[kept], a[kept], b[kept]
-    outputs = feeder[own] & run_asi[own]
-    layer = np.where(outputs, _OUTPUTS, _LINE_B * (runs["line"].to_numpy()[own] == "B"))
-    towards = trunk[own] & (kinds[b] == "repeater")
+    kept = ~(feeder[laid] & np.isin(kinds, ("cabinet", "gateway"))[np.stack([a, b])].any(axis=0))
+    laid, a, b = laid[kept], a[kept], b[kept]
+    outputs = feeder[laid] & run_asi[laid]
+    # Each line of a doubled AS-i segment has its own devices, so both lines are in layer 0.
+    second = ~run_asi[laid] & (runs["line"].to_numpy()[laid] == "B")
+    layer = np.where(outputs, _OUTPUTS, _LINE_B * second)
+    towards = trunk[laid] & (kinds[b] == "repeater")
     u, v = layer * count + a, np.where(towards, _LINE_B, layer) * count + b
     nodes = _LAYERS * count
 
-    # A device in the cabinet is beside its segment's master; any other is beside its housing.
-    segments = devices["segment"].tolist()
+    # A device in the cabinet is beside the master of its line; any other is beside its housing.
+    segments = list(zip(devices["segment"], devices["line"], strict=True))
     master = {segments[number]: number for number in np.flatnonzero(kinds == "master").tolist()}
     beside = [
         master.get(segment, place) if place >= 0 and kinds[place] == "cabinet" else place
@@ -152,24 +152,32 @@ def forest(design: Layout) -> Forest:
     order, parent = breadth_first_order(graph, nodes, directed=False, return_predecessors=True)
     parent = np.where((parent < 0) | (parent == nodes), -1, parent)[:nodes].astype(np.intp)
     run = np.full(nodes, -1, np.intp)
-    run[v[parent[v] == u]], run[u[parent[u] == v]] = own[parent[v] == u], own[parent[u] == v]
+    run[v[parent[v] == u]], run[u[parent[u] == v]] = laid[parent[v] == u], laid[parent[u] == v]
     root, levels = _rooted(parent, order[order < nodes].astype(np.intp))
 
     known = cables()
-    each = np.array([
+    each = [
         CABLES[known[name].line].resistance if of_trunk else known[name].resistance
-        for name, of_trunk in zip(runs["cable"].iloc[own], trunk[own], strict=True)
-    ], dtype=np.float64)  # fmt: skip
+        for name, of_trunk in zip(runs["cable"].iloc[laid], trunk[laid], strict=True)
+    ]
     ohms, metres = np.zeros(len(runs) + 1), np.append(runs["length_m"].to_numpy(float), 0.0)
-    ohms[own] = each
+    ohms[laid] = each
     load, spur, fed_24 = _loads(design, kinds, beside, on_asi, index, set(v.tolist()))
-    limits = settings.supply
+    limits, drop_asi = settings.supply, settings.asi.voltage - slave_voltage()
     return Forest(
-        np.arange(nodes, dtype=np.intp) % count, parent, run, metres[run], ohms[run], load,
-        np.where(fed_24, limits.short, 0.0), spur,
-        np.where(fed_24, limits.drop * limits.voltage, settings.asi.voltage - slave_voltage()),
-        root, MappingProxyType(supply), levels,
-    )  # fmt: skip
+        device=np.arange(nodes, dtype=np.intp) % count,
+        parent=parent,
+        run=run,
+        metres=metres[run],
+        ohms=ohms[run],
+        load=load,
+        short=np.where(fed_24, limits.short, 0.0),
+        spur=spur,
+        allowed=np.where(fed_24, limits.drop * limits.voltage, drop_asi),
+        root=root,
+        supply=MappingProxyType(supply),
+        levels=levels,
+    )
 
 
 @cache
@@ -213,31 +221,35 @@ def point_currents(design: Layout) -> pd.Series[float]:
 
 
 def _loads(
-    design: Layout, kinds: npt.NDArray[np.object_], beside: Sequence[int], on_asi: Bools,
-    index: Mapping[str, int], ends: set[int],
-) -> tuple[Floats, Floats, Bools]:  # fmt: skip
+    design: Layout,
+    kinds: npt.NDArray[np.object_],
+    beside: Sequence[int],
+    on_asi: Bools,
+    index: Mapping[str, int],
+    ends: set[int],
+) -> tuple[Floats, Floats, Bools]:
     """Return each node's load [A], voltage drop to its worst point [V], and whether it has 24 V."""
     settings, limits, count = design.settings, design.settings.supply, len(kinds)
-    points, listed = design.points, design.iolist.points
+    listed, known = design.iolist.points, cables()
     load, spur = np.zeros((2, _LAYERS * count))
-    known = cables()
-    device = np.array([index.get(name, -1) for name in points["device"]], np.intp)
-    amps = point_currents(design).to_numpy()
-    share = np.where(listed["signal"].map(LOADS) == "solenoid", limits.simultaneity, 1.0)
-    asi, types = (points["bus"] == "AS-i").to_numpy(), listed["type"].to_numpy(object)
+    # A point on doubled AS-i lines loads both.
+    drops = design.cables[design.cables["kind"] == "drop"]
+    row = dict(zip(listed["tag"], range(len(listed)), strict=True))
+    point = np.array([row[tag] for tag in drops["b"]], np.intp)
+    device = np.array([index[name] for name in drops["a"]], np.intp)
+    amps = point_currents(design).to_numpy()[point]
+    share = np.where(listed["signal"].map(LOADS) == "solenoid", limits.simultaneity, 1.0)[point]
+    asi = (design.points["bus"] == "AS-i").to_numpy()[point]
+    types = listed["type"].to_numpy(object)[point]
     # The line itself feeds its modules, except their digital outputs.
-    from_line = asi & (types != "DO") & (device >= 0)
-    layer = np.where(asi, _OUTPUTS, 0)
-    mine = (device >= 0) & ~from_line
-    np.add.at(load, (layer * count + device)[mine], (amps * share)[mine])
+    from_line = asi & (types != "DO")
     loops = from_line & np.isin(types, ("AI", "AO"))
     np.add.at(load, device[loops], limits.loop)
-    drops = design.cables[design.cables["kind"] == "drop"]
-    row = dict(zip(points["tag"], range(len(points)), strict=True))
-    point = np.array([row[tag] for tag in drops["b"]], np.intp)
-    lost = amps[point] * drops["length_m"].to_numpy(np.float64)
+    fed = (np.where(asi, _OUTPUTS, 0) * count + device)[~from_line]
+    lost = amps * drops["length_m"].to_numpy(np.float64)
     lost *= np.array([known[name].resistance for name in drops["cable"]], np.float64)
-    np.maximum.at(spur, (layer * count + device)[point[mine[point]]], lost[mine[point]])
+    np.add.at(load, fed, (amps * share)[~from_line])
+    np.maximum.at(spur, fed, lost[~from_line])
     load[:count][kinds == "station"] += limits.station
     load[count : 2 * count], spur[count : 2 * count] = load[:count], spur[:count]
     fed_24 = np.concatenate([~on_asi, ~on_asi, np.ones(count, bool)])
@@ -285,11 +297,13 @@ def sized(design: Layout) -> Feeders:
         for cable, cut in zip(sizes, cuts, strict=True)
     ]
     best = np.argmin(spent, axis=0)
-    own = [node for size, cut in enumerate(cuts) for node in cut if best[trees.root[node]] == size]
-    nearer = {int(trees.run[node]): trees.supply[int(trees.root[node])] for node in own}
+    nearby = [
+        node for size, cut in enumerate(cuts) for node in cut if best[trees.root[node]] == size
+    ]
+    nearer = {int(trees.run[node]): trees.supply[int(trees.root[node])] for node in nearby}
     heads = feeders[trees.parent[feeders] == trees.root[feeders]]
-    feeding = {trees.supply[root] for root in trees.parent[np.setdiff1d(heads, own)].tolist()}
-    trees = trees.cut(own, tails)
+    feeding = {trees.supply[root] for root in trees.parent[np.setdiff1d(heads, nearby)].tolist()}
+    trees = trees.cut(nearby, tails)
     trees = replace(trees, ohms=np.where(trees.metres > 0, 1.0, 0.0))
     (flow, _), (_, lost) = trees.solve(), trees.solve(short=True)
     roots = trees.root[feeders]
@@ -298,9 +312,9 @@ def sized(design: Layout) -> Feeders:
     most, into = np.full(len(flow), np.inf), np.zeros(len(flow))
     np.minimum.at(most, roots, left)
     np.maximum.at(into, roots, flow[feeders] + limits.short)
-    fits = np.array([
-        (cable.resistance <= most * (1 + 1e-12)) & (cable.current >= into) for cable in sizes
-    ])  # fmt: skip
+    fits = np.array(
+        [(size.resistance <= most * (1 + 1e-12)) & (size.current >= into) for size in sizes]
+    )
     chosen = np.where(fits.any(axis=0), fits.argmax(axis=0), len(sizes) - 1)
     names = design.devices["device"].to_numpy(object)[trees.device[feeders]]
     ohms = np.array([cable.resistance for cable in sizes])[chosen[roots]]
@@ -319,8 +333,10 @@ def sized(design: Layout) -> Feeders:
     return Feeders(cable, nearer, set(nearer.values()) - feeding, weak)
 
 
-def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: Indices) -> Floats:
-    """Return each tree's feeder cost for one cable and supplies at the nodes `own` [EUR].
+def _spent(
+    design: Layout, trees: Forest, feeders: Indices, cable: Cable, nearby: Indices
+) -> Floats:
+    """Return each tree's feeder cost for one cable and supplies at the nodes `nearby` [EUR].
 
     Prices are nominal values of the data files, so a plan does not depend on prices in settings.
     Moving a supply out of the cabinet costs as much as adding one, because it needs a housing.
@@ -336,21 +352,19 @@ def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: I
 
     spent = np.zeros(len(trees.root))
     np.add.at(spent, trees.root[feeders], metre(cable) * runs[feeders])
-    places = design.devices[["x_m", "y_m", "z_m"]].to_numpy(float)[trees.device[own]]
+    places = design.devices[["x_m", "y_m", "z_m"]].to_numpy(float)[trees.device[nearby]]
     away = site.length(site.route(np.array(site.cabinet), places))
-    more = supply + metre(cable) * (settings.tails - runs[own])
-    np.add.at(spent, trees.root[own], more + settings.fed * (metre(mains) * away + 2 * end))
+    more = supply + metre(cable) * (settings.tails - runs[nearby])
+    np.add.at(spent, trees.root[nearby], more + settings.fed * (metre(mains) * away + 2 * end))
     return spent
 
 
 def feeders_of(thinnest: str) -> list[Cable]:
     """Return a cable and all thicker single-pair cables, in order of cross-section."""
-    first = cables()[thinnest]
-    more = [
-        cable for cable in cables().values()
-        if "hardwired" in cable.buses and cable.conductors == 2 and cable.section > first.section
-    ]  # fmt: skip
-    return [first, *sorted(more, key=lambda cable: cable.section)]
+    known = cables()
+    pairs = [c for c in known.values() if "hardwired" in c.buses and c.conductors == 2]
+    thicker = [cable for cable in pairs if cable.section > known[thinnest].section]
+    return [known[thinnest], *sorted(thicker, key=lambda cable: cable.section)]
 
 
 def _cuts(
@@ -387,29 +401,31 @@ def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
     trees, devices, runs = forest(design), design.devices, design.cables
     (flow, drop), (_, shorted) = trees.solve(), trees.solve(short=True)
     line = devices["segment"].isin(design.segments.query("bus == 'AS-i'")["segment"])
-    given = devices[devices["kind"].isin(["supply", "auxiliary supply"])].assign(
-        voltage_v=design.settings.supply.voltage, rating_a=design.settings.supply.rating
-    )
-    given.loc[line & (given["kind"] == "supply"), ["voltage_v", "rating_a"]] = (
-        design.settings.asi.voltage, design.settings.asi.rating
-    )  # fmt: skip
+    is_supply = devices["kind"].isin(["supply", "auxiliary supply"])
+    of_line = (line & (devices["kind"] == "supply"))[is_supply]
+    limits, asi = design.settings.supply, design.settings.asi
     current = {supply: flow[root] for root, supply in trees.supply.items()}
-    given = given.assign(current_a=pd.Series(current, dtype=float)).fillna({"current_a": 0.0})
+    given = devices[is_supply].assign(
+        voltage_v=np.where(of_line, asi.voltage, limits.voltage),
+        rating_a=np.where(of_line, asi.rating, limits.rating),
+        current_a=pd.Series(current, dtype=float),
+    )
+    given = given.fillna({"current_a": 0.0})
 
     nodes = np.sort(trees.fed)
     supply = [trees.supply[root] for root in trees.root[nodes].tolist()]
-    source, own = given.loc[supply], runs.iloc[trees.run[nodes]]
+    source, cable_rows = given.loc[supply], runs.iloc[trees.run[nodes]]
     volts = source["voltage_v"].to_numpy(float)
     spur, known = trees.spur[nodes], cables()
     table = pd.DataFrame(
         {
             "device": devices["device"].to_numpy(object)[trees.device[nodes]],
             "segment": source["segment"].to_numpy(object),
-            "line": own["line"].to_numpy(object),
+            "line": cable_rows["line"].to_numpy(object),
             "supply": source["device"].to_numpy(object),
-            "run": own["run"].to_numpy(object),
-            "length_m": own["length_m"].to_numpy(float),
-            "cross_section_mm2": [known[name].section for name in own["cable"]],
+            "run": cable_rows["run"].to_numpy(object),
+            "length_m": cable_rows["length_m"].to_numpy(float),
+            "cross_section_mm2": [known[name].section for name in cable_rows["cable"]],
             "load_a": trees.load[nodes],
             "current_a": flow[nodes],
             "voltage_v": volts - drop[nodes],
@@ -420,19 +436,16 @@ def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
     )
     margin = table["lowest_v"] - table["needed_v"]
     worst = table.loc[margin.groupby(table["supply"]).idxmin()].set_index("supply")
-    feeding = table.groupby("supply").agg(
-        devices=("device", "size"),
-        length_m=("length_m", "sum"),
-        cross_section_mm2=("cross_section_mm2", "max"),
-    )
+    feeding = table.groupby("supply").agg({"length_m": "sum", "cross_section_mm2": "max"})
     feeding = feeding.join(worst[["device", "lowest_v", "needed_v"]])
     feeding = feeding.rename(columns={"device": "worst_device"})
+    feeding = feeding.assign(devices=table["supply"].value_counts())
     given = given.rename(columns={"device": "supply"}).join(feeding, on="supply")
     given = given.assign(drop_v=given["voltage_v"] - given["lowest_v"])
     return given[_SUPPLIES].reset_index(drop=True), table
 
 
-_SUPPLIES = [
-    "supply", "kind", "segment", "at", "x_m", "y_m", "z_m", "voltage_v", "current_a", "rating_a",
-    "devices", "worst_device", "drop_v", "lowest_v", "needed_v", "length_m", "cross_section_mm2",
-]  # fmt: skip
+_SUPPLIES = (
+    "supply kind segment at x_m y_m z_m voltage_v current_a rating_a devices worst_device drop_v "
+    "lowest_v needed_v length_m cross_section_mm2"
+).split()

@@ -72,8 +72,8 @@ def schedule(design: Layout) -> pd.DataFrame:
     """Return the cable schedule: one row per cable, for ordering and installation."""
     runs, known = design.cables, catalogue()
     at = design.devices.set_index("device")["at"]
-    names = {"run": "cable", "a": "from", "b": "to", "cable": "type", "conductors": "cores",
-             "used": "cores_used"}  # fmt: skip
+    names = {"run": "cable", "a": "from", "b": "to", "cable": "type"}
+    names |= {"conductors": "cores", "used": "cores_used"}
     table = runs.rename(columns=names).assign(
         from_in=[at[name] for name in runs["a"]],
         to_in=[at.get(name, "") for name in runs["b"]],
@@ -83,38 +83,39 @@ def schedule(design: Layout) -> pd.DataFrame:
     return table[_SCHEDULE]
 
 
-_SCHEDULE = [
-    "cable", "from", "from_in", "to", "to_in", "type", "description", "cores", "cores_used",
-    "length_m", "tails_m", "route_m", "kind", "segment", "line",
-]  # fmt: skip
+_SCHEDULE = (
+    "cable from from_in to to_in type description cores cores_used length_m tails_m route_m kind "
+    "segment line"
+).split()
 
 
 def devices(design: Layout) -> pd.DataFrame:
     """Return all devices with position, housing, bus address and number of points."""
-    connected = design.points[design.points["bus"] != ""]
+    wired = design.cables.loc[design.cables["kind"].isin(_TO_POINT), ["a", "b"]]
     # An address begins with the device's address: a slave, a unit, or one of several messages.
-    own = connected.assign(address=connected["address"].str.split().str[0])
-    own = own.dropna(subset="address").drop_duplicates(["device", "address"])
-    of_device = own.groupby("device")["address"].agg(", ".join)
+    first = design.points.set_index("tag")["address"].str.split().str[0]
+    addressed = wired.assign(address=first.loc[wired["b"]].array).dropna(subset="address")
+    of_device = addressed.drop_duplicates(["a", "address"]).groupby("a")["address"].agg(", ".join)
     name = design.devices["device"]
-    count = name.map(connected["device"].value_counts()).fillna(0).astype(int)
+    count = name.map(wired["a"].value_counts()).fillna(0).astype(int)
     columns = ["device", "kind", "segment", "at", "x_m", "y_m", "z_m"]
-    address = [of_device.get(own, "") for own in name]
+    address = [of_device.get(addressed, "") for addressed in name]
     return design.devices[columns].assign(address=address, points=count)
 
 
 def points(design: Layout) -> pd.DataFrame:
     """Return all points of the list, including those that do not fit, with their channels."""
     columns = ["tag", "system", "type", "signal", "x_m", "y_m", "z_m", "update_ms"]
-    own = design.points.drop(columns=["tag", "planned_update_ms"], errors="ignore")
+    connected = design.points.drop(columns=["tag", "planned_update_ms"], errors="ignore")
     used = design.points.get("planned_update_ms", np.nan)
     listed = design.iolist.points[columns].assign(planned_update_ms=used)
     # A hardwired point ends on a card in the cabinet, even if its cable passes through a box.
-    reader = own["device"].where(own["bus"] != "hardwired", design.cabinet)
+    reader = connected["device"].where(connected["bus"] != "hardwired", design.cabinet)
     number = listed.groupby([reader, listed["type"]]).cumcount() + 1
-    channel = (listed["type"] + " " + number.astype(str)).where(own["bus"] != "", "")
-    ends = dict(zip(design.cables["b"], design.cables["run"], strict=True))
-    return pd.concat([listed, own.drop(columns="fits")], axis=1).assign(
+    channel = (listed["type"] + " " + number.astype(str)).where(connected["bus"] != "", "")
+    # A point on doubled AS-i lines has a cable to each; the address is that of both modules.
+    ends = dict(zip(design.cables["b"][::-1], design.cables["run"][::-1], strict=True))
+    return pd.concat([listed, connected.drop(columns="fits")], axis=1).assign(
         channel=channel, cable=[ends.get(tag, "") for tag in listed["tag"]]
     )
 
@@ -151,8 +152,8 @@ def terminals(design: Layout) -> pd.DataFrame:
     a, b = (runs[end].to_numpy(object)[row] for end in ("a", "b"))
     both = {"device": [a, b], "key": [near, far]}
     ends = pd.DataFrame({name: np.stack(pair, axis=1).ravel() for name, pair in both.items()})
-    own = ends[np.repeat(used, 2)].drop_duplicates()
-    terminal = own.groupby("device").cumcount().add(1).set_axis(own["key"]).astype("Int64")
+    strips = ends[np.repeat(used, 2)].drop_duplicates()
+    terminal = strips.groupby("device").cumcount().add(1).set_axis(strips["key"]).astype("Int64")
     return pd.DataFrame(
         {
             "cable": runs["run"].to_numpy(object)[row],
@@ -187,7 +188,7 @@ def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
 
     The planner divides the points of a box among its trunks in order, so the number of
     conductors in use shows which points share a trunk. In a trunk, the pairs of points with their
-    own return come first, then one conductor per point with a common return, then these returns.
+    of_box return come first, then one conductor per point with a common return, then these returns.
     """
     runs = design.cables
     kinds = dict(zip(design.points["tag"], design.iolist.points["signal"], strict=True))
@@ -199,18 +200,18 @@ def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
         for of in (box, near)
     )
     trunks.pop("", None)
-    for name, own in trunks.items():
+    for name, of_box in trunks.items():
         left = drops.get(name, [])[::-1]
-        for trunk in own:
-            mine, taken, seen = list[int](), 0, set[str]()
+        for trunk in of_box:
+            inside, taken, seen = list[int](), 0, set[str]()
             while left:
                 kind = signal[left[-1]]
                 taken += used[left[-1]] - (SIGNALS[kind].common if kind in seen else 0)
-                if taken > used[trunk] and trunk != own[-1]:
+                if taken > used[trunk] and trunk != of_box[-1]:
                     break
                 seen.add(kind)
-                mine.append(left.pop())
-            yield trunk, _joints([(drop, signal[drop], used[drop]) for drop in mine])
+                inside.append(left.pop())
+            yield trunk, _joints([(drop, signal[drop], used[drop]) for drop in inside])
 
 
 def _joints(drops: Iterable[tuple[int, str, int]]) -> list[_Joint]:
@@ -218,10 +219,10 @@ def _joints(drops: Iterable[tuple[int, str, int]]) -> list[_Joint]:
     pairs, shared, returns = list[_Joint](), list[_Joint](), dict[str, list[tuple[int, int]]]()
     for drop, kind, wires in drops:
         common = SIGNALS[kind].common
-        own: list[_Joint] = [([(drop, wire)], "") for wire in range(wires - common)]
+        wires_of: list[_Joint] = [([(drop, wire)], "") for wire in range(wires - common)]
         if common:
-            shared += own
+            shared += wires_of
             returns.setdefault(kind, []).append((drop, wires - 1))
         else:
-            pairs += own + [([], "")] * (wires % 2)
+            pairs += wires_of + [([], "")] * (wires % 2)
     return [*pairs, *shared, *((ends, kind) for kind, ends in returns.items())]

@@ -6,7 +6,7 @@ import re
 import unicodedata
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,11 +18,16 @@ from shipnet.tables import Remark, Sheet
 #: Columns of an I/O list in order, and their contents: text, a whole number, or a quantity whose
 #: unit is the suffix of the column's name. `data/iolist_words.csv` has their titles.
 COLUMNS: Mapping[str, str] = {
-    "tag": "text", "system": "text", "type": "text", "signal": "text", "conductors": "whole",
-    "x_m": "length", "y_m": "length", "z_m": "length", "box": "text", "box_x_m": "length",
-    "box_y_m": "length", "box_z_m": "length", "to_box_m": "length", "home_run_m": "length",
-    "update_ms": "time", "category": "text", "note": "text", "device": "text", "ex": "text",
-}  # fmt: skip
+    name: kind or "text"
+    for name, _, kind in (
+        word.partition(":")
+        for word in (
+            "tag system type signal conductors:whole x_m:length y_m:length z_m:length box "
+            "box_x_m:length box_y_m:length box_z_m:length to_box_m:length home_run_m:length "
+            "update_ms:time category note device ex"
+        ).split()
+    )
+}
 
 #: Columns that give a position by frame, deck and side, and the legal contents of their cells.
 PLACED: Mapping[str, str] = {
@@ -46,12 +51,11 @@ class Reading(NamedTuple):
         known, faults = dict(getattr(self, table)), []
         for word, value in values.items():
             try:
-                known[word] = _OWN[table](word, value)
+                known[word] = _own(table, value)
             except (ArgumentError, TypeError):
                 faults.append(f"{table}.{word} is {value!r}; it must be {_LEGAL[table]}")
-        if table == "frames":
-            faults += [f"frames has {word!r}; it must be a number" for word in known
-                       if _frame(word) is None]  # fmt: skip
+        wrong = [word for word in known if table == "frames" and _frame(word) is None]
+        faults += [f"frames has {word!r}; it must be a number" for word in wrong]
         return self._replace(**{table: tuple(known.items())}), faults
 
     def with_sheets(self, sheets: Iterable[Sheet]) -> tuple[Reading, list[Remark]]:
@@ -59,7 +63,7 @@ class Reading(NamedTuple):
 
         A sheet may have several tables, one below the other or side by side.
         """
-        found, remarks = self, []
+        reading, remarks = self, []
         for sheet in sheets:
             values: dict[str, dict[str, object]] = {"frame": {}, "deck": {}}
             faults, unread = [], []
@@ -78,23 +82,23 @@ class Reading(NamedTuple):
                     is_length = unit in ("", *ALIKE["m"])
                     value = read_number(cell, mark, unit or "m", "m") if is_length else None
                     if value is None or not name or values[word].get(name, value) != value:
-                        said = f"{name!r} at {cell!r}; expected a {word} and a number in m"
-                        faults.append(f"row {number}: {said}")
+                        text = f"{name!r} at {cell!r}; expected a {word} and a number in m"
+                        faults.append(f"row {number}: {text}")
                     values[word][name] = value
             for word in values if not faults else ():
-                found, more = found.tried(f"{word}s", values[word])
+                reading, more = reading.tried(f"{word}s", values[word])
                 faults += more
             if faults:
                 raise InputError(f"{sheet.source}, sheet {sheet.sheet}", *faults)
             if unread:
-                said = f"not read on sheet {sheet.sheet}, not a frame or deck with a place"
-                remarks.append(Remark(said, tuple(dict.fromkeys(unread))))
-        return found, remarks
+                text = f"not read on sheet {sheet.sheet}, not a frame or deck with a place"
+                remarks.append(Remark(text, tuple(dict.fromkeys(unread))))
+        return reading, remarks
 
     def signal(self, word: str) -> str:
         """Return the signal that the list defines for a word, or the word itself."""
-        own = {plain(spelling): name for spelling, name in self.signals}
-        return own.get(plain(word), word)
+        meanings_of = {plain(spelling): name for spelling, name in self.signals}
+        return meanings_of.get(plain(word), word)
 
     def parts(self, cells: Mapping[str, str]) -> dict[str, str]:
         """Return the frame, the deck and the side that the cells of a row name, such as FR 34."""
@@ -155,30 +159,24 @@ def is_frame(cell: str) -> bool:
 def _offset(text: str) -> tuple[str, float]:
     """Return the frame or deck named in text, and the offset [m], given there in mm or m."""
     text = text.strip()
-    found = re.fullmatch(r"(.*[^\s+-])\s*([+-]\s*[0-9]+(?:\.[0-9]+)?)\s*(mm|m)?", text)
-    if found is None or _frame(text) is not None:
+    match = re.fullmatch(r"(.*[^\s+-])\s*([+-]\s*[0-9]+(?:\.[0-9]+)?)\s*(mm|m)?", text)
+    if match is None or _frame(text) is not None:
         return text, 0.0
-    return found[1], float("".join(found[2].split())) * (1.0 if found[3] == "m" else 1e-3)
+    return match[1], float("".join(match[2].split())) * (1.0 if match[3] == "m" else 1e-3)
 
 
 def _frame(text: str) -> float | None:
     """Return the number of a frame, or None if the text is not a frame."""
-    found = re.fullmatch(
-        r"(?i)(?:fr(?:ame)?\.?\s*(?:no\.?)?\s*#?)?\s*(-?[0-9]+(?:\.[0-9]+)?)", text
+    match = re.fullmatch(
+        r"(?i)(?:fr(?:ame)?\.?\s*+(?:no\.?\s*+)?#?)?\s*+(-?[0-9]+(?:\.[0-9]+)?)", text
     )
-    return None if found is None else float(found[1])
+    return None if match is None else float(match[1])
 
 
-_PORT = {
-    "port": 1, "ps": 1, "p": 1, "bb": 1, "좌": 1, "starboard": -1, "stbd": -1, "stb": -1, "sb": -1,
-    "s": -1, "우": -1, "centreline": 0, "centerline": 0, "centre": 0, "center": 0, "cl": 0,
-    "c": 0, "mitte": 0, "midt": 0, "중": 0,
-}  # fmt: skip
+_PORT = dict.fromkeys(("port", "ps", "p", "bb", "좌"), 1)
+_PORT |= dict.fromkeys(("starboard", "stbd", "stb", "sb", "s", "우"), -1)
+_PORT |= dict.fromkeys("centreline centerline centre center cl c mitte midt 중".split(), 0)
 _SIDE = re.compile(rf"[(\[]?(?<![^\W\d_])({'|'.join(_PORT)})(?![^\W\d_])[)\]]?\.?", re.IGNORECASE)
-
-
-def _metres(text: str) -> float | None:
-    return read_number(text, ".", "m", "m")
 
 
 def has_side(text: str) -> bool:
@@ -187,7 +185,7 @@ def has_side(text: str) -> bool:
 
 
 def off_centre(
-    text: str, beside: str = "", read: Callable[[str], float | None] = _metres
+    text: str, beside: str = "", read: Callable[[str], float | None] | None = None
 ) -> float | None:
     """Return the distance to port of the centre line [m], or None if the text does not say it.
 
@@ -196,6 +194,7 @@ def off_centre(
     """
     rest = [number for cell in (text, beside) if (number := _SIDE.sub("", cell).strip(" /"))]
     signs = {_PORT[side.casefold()] for side in _SIDE.findall(f"{text} {beside}")}
+    read = read or (lambda number: read_number(number, ".", "m", "m"))
     numbers = [read(number) for number in rest]
     if None in numbers or len(signs) > 1 or len({abs(y or 0.0) for y in numbers}) > 1:
         return None
@@ -208,25 +207,20 @@ def off_centre(
     return sign * abs(y)
 
 
-def _is_column(word: str, value: object) -> str:
-    if column_of(str(value)) is None:
+def _own(table: str, value: object) -> Any:
+    """Return the value of a word in a table of the settings, or raise ArgumentError."""
+    if table == "signals":
+        find_signal(str(value))
+    elif table == "columns" and column_of(str(value)) is None:
         raise ArgumentError("no column")
+    elif table in ("frames", "decks"):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 1e3:
+            raise ArgumentError("no place")
+        return float(value)
     return str(value)
 
 
-def _is_metres(word: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 1e3:
-        raise ArgumentError("no place")
-    return float(value)
-
-
-def _is_signal(word: str, value: object) -> str:
-    find_signal(str(value))
-    return str(value)
-
-
-#: The check for the values of each table, and the legal values in words.
-_OWN = {"columns": _is_column, "signals": _is_signal, "frames": _is_metres, "decks": _is_metres}
+#: The legal values of each table in words.
 _LEGAL = {
     "columns": f"one of {', '.join((*COLUMNS, *PLACED))}",
     "signals": "a signal, such as contact or rtd_3wire",
@@ -241,8 +235,8 @@ _LEGAL = {
 @cache
 def words() -> Words:
     """Return the titles of an I/O list."""
-    units = {name: name.rpartition("_")[2] for name, holds in COLUMNS.items()
-             if holds in ("length", "time")}  # fmt: skip
+    quantities = [name for name, holds in COLUMNS.items() if holds in ("length", "time")]
+    units = {name: name.rpartition("_")[2] for name in quantities}
     titles = {word: means[0][0] for word, means in spellings("column").items()}
     titles |= {plain(name): name for name in (*COLUMNS, *PLACED) if name not in units}
     titles |= {plain(name.rpartition("_")[0]): name for name in units}
@@ -258,8 +252,9 @@ def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | Non
 
 _SAFE = re.compile(
     r"[\[(]?\b(?:ex[ -]?\(?\[?i[abc]?\]?\)?|eex ?i[abc]?|intrinsically safe|intrinsic safe|"
-    r"I\.?S\.?(?= |\)|\]|$))[\])]?(?: ?II[ABC](?: ?T[1-6])?)?", re.IGNORECASE,
-)  # fmt: skip
+    r"I\.?S\.?(?= |\)|\]|$))[\])]?(?: ?II[ABC](?: ?T[1-6])?)?",
+    re.IGNORECASE,
+)
 
 #: Cells of a column Ex or IS, without blanks and punctuation, that mean yes and no.
 YES = frozenset("yes y x 1 true ja j wahr sann 예 네 ✓ ✔ √ ○ ◯".split())
@@ -291,10 +286,10 @@ _LEVEL = re.compile("[gd][abc]")
 def _protection(text: str) -> str:
     """Return the types of protection in a marking, such as ``ia`` or ``dia``, or "" if unclear."""
     tokens = re.findall(r"[^\W_]+", text)
-    found = [_AFTER_EX.fullmatch(token) for token in tokens]
-    alone = not any(one and one[1] is not None for one in found)
+    matches = [_AFTER_EX.fullmatch(token) for token in tokens]
+    alone = not any(one and one[1] is not None for one in matches)
     kinds, active = "", alone
-    for token, one in zip(tokens, found, strict=True):
+    for token, one in zip(tokens, matches, strict=True):
         if one and one[1] is not None:
             kinds, active = kinds + one[1], True
         elif _GROUP.fullmatch(token):
@@ -337,8 +332,8 @@ def is_intrinsically_safe(cell: str) -> tuple[bool, bool]:
 
 def without_safety(word: str) -> tuple[str, str]:
     """Return a signal without its intrinsic-safety marking, and the marking."""
-    found = None if meanings(word) else _SAFE.search(word)
-    if found is None:
+    mark = None if meanings(word) else _SAFE.search(word)
+    if mark is None:
         return word, ""
-    rest = " ".join((word[: found.start()] + " " + word[found.end() :]).split())
-    return rest, found[0].strip("[]() ")
+    rest = " ".join((word[: mark.start()] + " " + word[mark.end() :]).split())
+    return rest, mark[0].strip("[]() ")

@@ -115,14 +115,8 @@ def _ages(
             # The silence after the request stands for the equal one after the response.
             "transaction_s": system.poll.shortest_timeout,
         }
-        table = pd.DataFrame(
-            {
-                "tag": [point.tag for point in system.points],
-                "box": [point.box for point in system.points],
-                "channel": channel,
-                **terms,
-            }
-        )
+        names = [(point.tag, point.box, channel) for point in system.points]
+        table = pd.DataFrame(names, columns=["tag", "box", "channel"]).assign(**terms)
         table["worst_s"] = table[list(terms)].sum(axis=1)
         tables.append(table)
     first, last = tables[0], tables[-1]

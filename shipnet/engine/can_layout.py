@@ -127,9 +127,9 @@ class CanLayout:
         counts = self.points.counts()[["analogue", "switch"]].set_axis(
             ["analogue", "switches"], axis=1
         )
-        own = frames.groupby("box", sort=False)
-        sums = own.sum()
-        sums.insert(1, "frames", own.size())
+        of_box = frames.groupby("box", sort=False)
+        sums = of_box.sum()
+        sums.insert(1, "frames", of_box.size())
         table = counts.join(sums, how="inner")
         table.loc["all"] = table.sum()
         for rate in (125_000, 250_000, 500_000, 1_000_000):

@@ -1,18 +1,19 @@
 """The class rules that lee2012 quotes in section II, and the check of a system against them.
 
 A rule is not verified if the description lacks a value that the rule needs. The text of the rules
-was not available to us; `Rule.elsewhere` says what public texts require on the same matter.
+was not available to us; `lee2012_class_rules.csv` quotes the paper.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import combinations
 from math import inf, isnan, nan
-from typing import Any, Literal
+from typing import Any
 
-from shipnet.answers import Findings
+from shipnet import datasets
+from shipnet.answers import COLUMNS, Findings
 from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.engine.points import Point, PointList, read_points
 from shipnet.engine.registers import RegisterMap
@@ -22,8 +23,6 @@ from shipnet.lazy import pd
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
 
-Verdict = Literal["met", "violated", "not verified"]
-
 #: Open international standard or public specification of each protocol, and its CRC, if any.
 STANDARDS: dict[str, tuple[str, Crc | None]] = {
     "CAN": ("ISO 11898-1", CAN),
@@ -31,10 +30,6 @@ STANDARDS: dict[str, tuple[str, Crc | None]] = {
     # TCP has a checksum, which is not a CRC.
     "Modbus TCP": ("MODBUS application protocol V1.1b3", None),
 }
-
-_DNV = "DNV-OS-D202 Ch.2 Sec.3 Table A1"
-_CIRCULAR = "MSC/Circ.891"
-
 
 # Supplies and processors of the boxes ----------------------------------------------------------
 
@@ -80,14 +75,10 @@ class Redundancy:
     @classmethod
     def compare(cls, points: Iterable[Point]) -> pd.DataFrame:
         """Compare designs with one or two of each part: one row per design and dead part."""
-        designs = {
-            "one of each": (1, 1),
-            "two supplies": (2, 1),
-            "two CPUs": (1, 2),
-            "two of each": (2, 2),
-        }
-        known = PointList(points)
-        tables = {name: cls(known, *counts).table() for name, counts in designs.items()}
+        designs = {"one of each": (1, 1), "two supplies": (2, 1), "two CPUs": (1, 2)}
+        designs["two of each"] = (2, 2)
+        checked = PointList(points)
+        tables = {name: cls(checked, *counts).table() for name, counts in designs.items()}
         return pd.concat(tables, names=["design", ""]).reset_index("design").reset_index(drop=True)
 
 
@@ -130,18 +121,19 @@ class Description:
     def __post_init__(self) -> None:
         check_fields(self)
         for name in ("protocols", "links", "routes"):
-            given = getattr(self, name)
-            if given is None:
+            value = getattr(self, name)
+            if value is None:
                 continue
-            if not given or isinstance(given, str):
-                raise ArgumentError(f"{name} is {given!r}; it must contain at least one name")
-            if not isinstance(given, Mapping):
-                object.__setattr__(self, name, tuple(given))
-            elif any(isinstance(names, str) for names in given.values()):
-                raise ArgumentError(f"{name} is {given!r}; each link must have a tuple of names")
+            if not value or isinstance(value, str):
+                raise ArgumentError(f"{name} is {value!r}; it must contain at least one name")
+            if isinstance(value, Mapping):
+                if any(isinstance(names, str) for names in value.values()):
+                    raise ArgumentError(
+                        f"{name} is {value!r}; each link must have a tuple of names"
+                    )
+                object.__setattr__(self, name, {k: tuple(names) for k, names in value.items()})
             else:
-                names = {link: tuple(names) for link, names in given.items()}
-                object.__setattr__(self, name, names)
+                object.__setattr__(self, name, tuple(value))
         if self.routes is not None and set(self.routes) != set(self.links or ()):
             raise ArgumentError("routes and links must name the same links")
 
@@ -165,57 +157,27 @@ class Description:
 
 # The rules -------------------------------------------------------------------------------------
 
-#: The computed value, NaN if the description is incomplete, and the reason.
-_Outcome = tuple[float, str]
+# Each measure of a rule is called with a description and the value that the rule needs. It returns
+# the computed value, NaN if the description is incomplete, and the reason.
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """A class rule as the paper quotes it: the requirement on an object, its measure and its limit.
-
-    `compute` is called with a system and the value of the field that `known` names. The limit is
-    the highest permitted value, or the lowest if `at_least` is true; `elsewhere` says what public
-    texts require on the same matter.
-    """
-
-    name: str
-    object: str
-    asks: str
-    measure: str
-    unit: str
-    limit: float
-    known: str
-    compute: Callable[[Description, Any], _Outcome]
-    elsewhere: str
-    at_least: bool = False
-
-    def judge(self, system: Description) -> tuple[Verdict, float, str]:
-        """Return the verdict on a system, the value computed, and the reason."""
-        known = getattr(system, self.known)
-        value, why = (nan, "not described") if known is None else self.compute(system, known)
-        if isnan(value):
-            return "not verified", value, why
-        good = value >= self.limit if self.at_least else value <= self.limit
-        return "met" if good else "violated", value, why
-
-
-def _lost(system: Description, count: int) -> _Outcome:
+def _lost(system: Description, count: int) -> tuple[float, str]:
     return Redundancy(system.points, supplies=count, cpus=count).worst(), f"{count} per box"
 
 
-def _itself(system: Description, known: float) -> _Outcome:
-    return float(known), ""
+def _itself(system: Description, value: float) -> tuple[float, str]:
+    return float(value), ""
 
 
-def _standard(system: Description, protocols: tuple[str, ...]) -> _Outcome:
+def _standard(system: Description, protocols: tuple[str, ...]) -> tuple[float, str]:
     unlisted = [name for name in protocols if name not in STANDARDS]
     standard = [f"{name}: {STANDARDS[name][0]}" for name in protocols if name in STANDARDS]
     return len(unlisted), "; ".join([*standard, *(f"{name}: none known" for name in unlisted)])
 
 
-def _apart(system: Description, links: Mapping[str, tuple[str, ...]]) -> _Outcome:
+def _apart(system: Description, links: Mapping[str, tuple[str, ...]]) -> tuple[float, str]:
     """Return the largest number of links that share no name, and the names that links share."""
-    sets = [set(touched) for touched in links.values()]
+    sets = [set(names) for names in links.values()]
     shared: set[str] = set().union(*(a & b for a, b in combinations(sets, 2)))
     why = f"shared: {', '.join(sorted(shared))}" if shared else ""
     for count in range(len(sets), 0, -1):
@@ -225,18 +187,18 @@ def _apart(system: Description, links: Mapping[str, tuple[str, ...]]) -> _Outcom
     return 0, why
 
 
-def _routes(system: Description, points: PointList) -> _Outcome:
+def _routes(system: Description, points: PointList) -> tuple[float, str]:
     if system.routes is None:
         return nan, "the routes are not described"
     return _apart(system, system.routes)
 
 
-def _answer(system: Description, poll: Poll) -> _Outcome:
+def _answer(system: Description, poll: Poll) -> tuple[float, str]:
     time = poll.line.frame_time(poll.request_size) + poll.shortest_timeout
     return time, "from the first bit of the request to the last of the response"
 
 
-def _crc(system: Description, protocols: tuple[str, ...]) -> _Outcome:
+def _crc(system: Description, protocols: tuple[str, ...]) -> tuple[float, str]:
     checks = {name: STANDARDS.get(name, ("", None))[1] for name in protocols}
     if without := [name for name, check in checks.items() if check is None]:
         return inf, f"no CRC: {', '.join(without)}"
@@ -245,7 +207,7 @@ def _crc(system: Description, protocols: tuple[str, ...]) -> _Outcome:
     return missed, ", ".join(check.name for check in used)
 
 
-def _repeats(system: Description, protocols: tuple[str, ...]) -> _Outcome:
+def _repeats(system: Description, protocols: tuple[str, ...]) -> tuple[float, str]:
     # A CAN controller repeats a frame until it succeeds; ISO 11898-1. A Modbus master may retry.
     repeated = [name for name in protocols if name != "CAN"]
     if not repeated:
@@ -255,124 +217,19 @@ def _repeats(system: Description, protocols: tuple[str, ...]) -> _Outcome:
     return system.poll.retries, f"retries of {repeated[0]}"
 
 
-_NONE_FOUND = "none found in the public texts consulted"
-
-#: The rules of section II in the order of the paper.
-RULES = (
-    Rule(
-        name="CPU duplicated",
-        object="CPUs",
-        asks="the CPU is duplicated",
-        measure="points lost with a dead CPU",
-        unit="",
-        limit=0,
-        known="cpus",
-        compute=_lost,
-        elsewhere=_NONE_FOUND,
-    ),
-    Rule(
-        name="supply duplicated",
-        object="supplies",
-        asks="the power supply is duplicated",
-        measure="points lost with a dead supply",
-        unit="",
-        limit=0,
-        known="supplies",
-        compute=_lost,
-        elsewhere="SOLAS II-1/51: a stand-by supply for the alarm system",
-    ),
-    Rule(
-        name="supply changes over",
-        object="supplies",
-        asks="the supply changes over within 2 s",
-        measure="change-over",
-        unit="s",
-        limit=2.0,
-        known="power_switch_over",
-        compute=_itself,
-        elsewhere="SOLAS II-1/51: automatic, no time limit given",
-    ),
-    Rule(
-        name="memory",
-        object="memory",
-        asks="only non-volatile memory",
-        measure="volatile memories (1 if any)",
-        unit="",
-        limit=0,
-        known="volatile",
-        compute=_itself,
-        elsewhere=_NONE_FOUND,
-    ),
-    Rule(
-        name="standard protocol",
-        object="protocols",
-        asks="the protocol is an open international standard",
-        measure="protocols without a standard",
-        unit="",
-        limit=0,
-        known="protocols",
-        compute=_standard,
-        elsewhere=f"{_CIRCULAR} 4.6.4: standardised interfaces",
-    ),
-    Rule(
-        name="links duplicated",
-        object="links",
-        asks="the data link is duplicated",
-        measure="links that share no station",
-        unit="",
-        limit=2,
-        known="links",
-        compute=_apart,
-        elsewhere=f"{_CIRCULAR} 4.6.2: redundant where two essential functions share a link",
-        at_least=True,
-    ),
-    Rule(
-        name="links routed apart",
-        object="links",
-        asks="the cables of the links are routed apart",
-        measure="links that share no space",
-        unit="",
-        limit=2,
-        known="points",
-        compute=_routes,
-        elsewhere=f"{_CIRCULAR} 4.6.2: as much separation as practical",
-        at_least=True,
-    ),
-    Rule(
-        name="answer",
-        object="poll",
-        asks="requests are answered within 2 s",
-        measure="request and response",
-        unit="s",
-        limit=2.0,
-        known="poll",
-        compute=_answer,
-        elsewhere=f"{_DNV}: alarms presented within 2 s; BV Pt C Ch 3 Sec 3: 5 s",
-    ),
-    Rule(
-        name="CRC",
-        object="protocols",
-        asks="transmission is verified by a CRC",
-        measure="single and double bit errors missed (CAN: before bit stuffing)",
-        unit="",
-        limit=0,
-        known="protocols",
-        compute=_crc,
-        elsewhere=f"{_CIRCULAR} 4.6.1: the link checks itself",
-    ),
-    Rule(
-        name="retransmission",
-        object="protocols",
-        asks="failed transmissions are repeated",
-        measure="repeats",
-        unit="",
-        limit=1,
-        known="protocols",
-        compute=_repeats,
-        elsewhere=_NONE_FOUND,
-        at_least=True,
-    ),
-)
+#: How each rule of the data file is measured.
+_MEASURES: dict[str, Callable[[Description, Any], tuple[float, str]]] = {
+    "CPU duplicated": _lost,
+    "supply duplicated": _lost,
+    "supply changes over": _itself,
+    "memory": _itself,
+    "standard protocol": _standard,
+    "links duplicated": _apart,
+    "links routed apart": _routes,
+    "answer": _answer,
+    "CRC": _crc,
+    "retransmission": _repeats,
+}
 
 
 def check(system: Description) -> Findings:
@@ -398,22 +255,16 @@ def check(system: Description) -> Findings:
     >>> print(*findings.violated().loc[0, ["rule", "value", "high"]])
     CPU duplicated 43.0 0.0
     """
-    rows: list[dict[str, Any]] = []
-    for rule in RULES:
-        verdict, value, why = rule.judge(system)
-        rows.append(
-            {
-                "rule": rule.name,
-                "object": rule.object,
-                "value": value,
-                "low": rule.limit if rule.at_least else nan,
-                "high": nan if rule.at_least else rule.limit,
-                "unit": rule.unit,
-                "verdict": verdict,
-                "why": why,
-                "source": rule.elsewhere,
-                "asks": rule.asks,
-                "measure": rule.measure,
-            }
-        )
-    return Findings(pd.DataFrame(rows))
+    rows = []
+    rules = datasets.read("lee2012_class_rules.csv")
+    rules[["low", "high"]] = rules[["low", "high"]].apply(pd.to_numeric)
+    for rule in rules.to_dict("records"):
+        described = getattr(system, rule.pop("described_by"))
+        value, why = nan, "not described"
+        if described is not None:
+            value, why = _MEASURES[str(rule["rule"])](system, described)
+        good = not (value < rule["low"] or value > rule["high"])
+        verdict = "not verified" if isnan(value) else "met" if good else "violated"
+        rows.append(rule | {"value": value, "verdict": verdict, "why": why})
+    table = pd.DataFrame(rows).rename(columns={"elsewhere": "source"})
+    return Findings(table[[*COLUMNS, "asks", "measure"]])

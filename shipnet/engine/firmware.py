@@ -32,31 +32,19 @@ class Firmware:
     """
 
     adc_clock: float = number(
-        50e3,
-        200e3,
-        "Hz",
-        "Clock of the ADC; 125 kHz is a 16 MHz crystal divided by 128",
-        default=125e3,
+        50e3, 200e3, "Hz", "ADC clock; 125 kHz is a 16 MHz crystal divided by 128", default=125e3
     )
     settling: float = number(
-        0,
-        1,
-        "s",
-        "Settling time of the input filter after the multiplexer has selected an input",
-        default=1e-3,
+        0, 1, "s", "Settling time of the input filter after an input is selected", default=1e-3
     )
     send: float = number(
         1e-9, 1, "s", "Time to pass one frame to the CAN controller", default=100e-6
     )
     receive: float = number(
-        1e-9,
-        1e-3,
-        "s",
-        "Time that the CAN interrupt takes to read a frame and restart a timer",
-        default=50e-6,
+        1e-9, 1e-3, "s", "CAN interrupt: time to read a frame and restart a timer", default=50e-6
     )
     mark: float = number(
-        1e-9, 1e-3, "s", "Time that the timer interrupt takes to mark stale values", default=100e-6
+        1e-9, 1e-3, "s", "Timer interrupt: time to mark stale values", default=100e-6
     )
     processing: float = number(
         1e-9,

@@ -110,12 +110,7 @@ class InputCard:
 
     points: PointList = part(PointList, "One or more points", make=PointList)
     bits: int = whole(
-        1,
-        16,
-        "",
-        "Resolution of the converter; the AT90CAN128 has 10 bits",
-        default=10,
-        kw_only=True,
+        1, 16, "", "Resolution; the AT90CAN128's converter has 10 bits", default=10, kw_only=True
     )
     reference: float = number(
         0.1, 100, "V", "Reference voltage; 5 V is assumed", default=5.0, kw_only=True
@@ -149,18 +144,18 @@ class InputCard:
         v = by_point(self.points, "values", values).astype(np.float64)
         signals = np.empty(v.shape)
         for k, point in enumerate(self.points):
-            own = v[..., k]
+            value = v[..., k]
             if point.condition == "RTD":
-                signals[..., k] = pt100_resistance(own)
+                signals[..., k] = pt100_resistance(value)
                 continue
-            if np.isnan(own).any():
+            if np.isnan(value).any():
                 raise ArgumentError(f"value of {point.tag} is nan; it must be a number")
             if point.condition == "switch":
-                if not ((own == 0) | (own == 1)).all():
+                if not ((value == 0) | (value == 1)).all():
                     raise ArgumentError(f"value of {point.tag} is neither 0 nor 1")
-                signals[..., k] = own if _opens(point) else 1 - own
+                signals[..., k] = value if _opens(point) else 1 - value
             else:
-                part = (own - point.low) / point.span
+                part = (value - point.low) / point.span
                 current = _LOOP[0] + (_LOOP[1] - _LOOP[0]) * part
                 signals[..., k] = np.clip(current, *NAMUR[1:3])
         return signals
@@ -250,40 +245,23 @@ class InputCard:
             point = self.points[k]
             if not point.analogue:
                 continue
-            one = replace(self, points=PointList([point]))
+            card = replace(self, points=PointList([point]))
             n = self.highest + 1
             # Between two steps of the converter the decoded value is constant, so the largest error
             # occurs at a step or at an end of the range.
-            edges = one._decoded((np.arange(1, n) - 0.5)[:, np.newaxis] / n)[:, 0]
-            decoded = one.value(np.arange(n)[:, np.newaxis])[:, 0]
+            edges = card._decoded((np.arange(1, n) - 0.5)[:, np.newaxis] / n)[:, 0]
+            decoded = card.value(np.arange(n)[:, np.newaxis])[:, 0]
             inside = (edges > point.low) & (edges < point.high)
-            first, last = (int(one.code(one.signal([end]))[0]) for end in (point.low, point.high))
+            first, last = (int(card.code(card.signal([end]))[0]) for end in (point.low, point.high))
             ends = np.concatenate([[point.low], np.repeat(edges[inside], 2), [point.high]])
             below = np.flatnonzero(inside)
             pairs = np.column_stack([below, below + 1]).ravel()
             codes = np.concatenate([[first], pairs, [last]])
-            rows.append(
-                (
-                    point.condition,
-                    point.low,
-                    point.high,
-                    point.unit,
-                    count,
-                    decoded[first + 1] - decoded[first],
-                    decoded[last] - decoded[last - 1],
-                    np.abs(decoded[codes] - ends).max(),
-                )
-            )
-        columns = [
-            "condition",
-            "low",
-            "high",
-            "unit",
-            "points",
-            "step_low",
-            "step_high",
-            "conversion_error",
-        ]
+            steps = decoded[first + 1] - decoded[first], decoded[last] - decoded[last - 1]
+            error = np.abs(decoded[codes] - ends).max()
+            rows.append((point.condition, point.low, point.high, point.unit, count, *steps, error))
+        columns = ["condition", "low", "high", "unit", "points"]
+        columns += ["step_low", "step_high", "conversion_error"]
         return pd.DataFrame(rows, columns=columns)
 
     def broken(self, wire: Literal["open", "short"]) -> Words:
@@ -297,37 +275,16 @@ class InputCard:
         that the code is a failure.
         """
         rows = []
-        codes = {fault: self.broken(fault) for fault in WIRE_FAULTS}
-        values = {fault: self.value(code) for fault, code in codes.items()}
-        detected = {fault: ~self.valid(code) for fault, code in codes.items()}
         for k, count in self.points.kinds():
-            point = self.points[k]
+            point, card = self.points[k], replace(self, points=self.points[k : k + 1])
             for fault in WIRE_FAULTS:
+                code = card.broken(fault)
+                reads = int(code[0]), float(card.value(code)[0]), not card.valid(code)[0]
                 rows.append(
-                    (
-                        point.condition,
-                        point.low,
-                        point.high,
-                        point.unit,
-                        count,
-                        fault,
-                        int(codes[fault][k]),
-                        float(values[fault][k]),
-                        bool(detected[fault][k]),
-                    )
+                    (point.condition, point.low, point.high, point.unit, count, fault, *reads)
                 )
-        columns = [
-            "condition",
-            "low",
-            "high",
-            "unit",
-            "points",
-            "fault",
-            "code",
-            "reads",
-            "detected",
-        ]
-        return pd.DataFrame(rows, columns=columns)
+        columns = ["condition", "low", "high", "unit", "points", "fault", "code", "reads"]
+        return pd.DataFrame(rows, columns=[*columns, "detected"])
 
     @cached_property
     def _ends(self) -> Floats:

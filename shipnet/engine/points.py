@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import fields
 from functools import cache
 from os import PathLike
 from typing import Any, Literal, SupportsIndex, overload
@@ -26,20 +27,6 @@ CONDITIONS: tuple[Condition, ...] = ("RTD", "4-20 mA", "switch")
 
 #: The signal of each condition, which determines its conductors.
 _SIGNAL = {"RTD": "rtd_3wire", "4-20 mA": "current_loop", "switch": "contact"}
-
-#: Columns of a point file; other columns are ignored.
-_COLUMNS = (
-    "tag",
-    "box",
-    "condition",
-    "quantity",
-    "low",
-    "high",
-    "unit",
-    "signal",
-    "alarm",
-    "service",
-)
 
 #: Range of a platinum thermometer [degC]; IEC 60751.
 PT100 = (-200.0, 850.0)
@@ -90,15 +77,15 @@ class Point:
                 raise ArgumentError(f"{field} is {text!r}; it must be printable text")
             if not text and field in ("tag", "box"):
                 raise ArgumentError(f"{field} is empty; every point must have one")
+        rule = ""
         if not self.low < self.high:
-            raise ArgumentError(f"range is {self.low:g}..{self.high:g}; low must be below high")
-        ends = (self.low, self.high)
-        if self.condition == "switch" and ends != (0, 1):
-            raise ArgumentError(f"range is {self.low:g}..{self.high:g}; that of a switch is 0..1")
-        if self.condition == "RTD" and not PT100[0] <= self.low < self.high <= PT100[1]:
-            raise ArgumentError(
-                f"range is {self.low:g}..{self.high:g}; a Pt100 covers -200..850 degC (IEC 60751)"
-            )
+            rule = "low must be below high"
+        elif self.condition == "switch" and (self.low, self.high) != (0, 1):
+            rule = "that of a switch is 0..1"
+        elif self.condition == "RTD" and not PT100[0] <= self.low < self.high <= PT100[1]:
+            rule = "a Pt100 covers -200..850 degC (IEC 60751)"
+        if rule:
+            raise ArgumentError(f"range is {self.low:g}..{self.high:g}; {rule}")
 
     @property
     def span(self) -> float:
@@ -113,8 +100,12 @@ class Point:
     @property
     def cylinder(self) -> int | None:
         """Number of the cylinder in `service`, such as 3 in ``cyl 3``; None if there is none."""
-        found = re.search(r"\bcyl (\d+)\b", self.service)
-        return int(found[1]) if found else None
+        number = re.search(r"\bcyl (\d+)\b", self.service)
+        return int(number[1]) if number else None
+
+
+#: Columns of a point file; other columns are ignored.
+_COLUMNS = tuple(field.name for field in fields(Point))
 
 
 class PointList(tuple[Point, ...]):
@@ -152,19 +143,19 @@ class PointList(tuple[Point, ...]):
         if isinstance(points, PointList):
             return points
         try:
-            found = tuple(points)
+            several = tuple(points)
         except TypeError:
             raise ArgumentError(
                 f"points are {points!r}; they must be a sequence of Point"
             ) from None
-        for point in found:
+        for point in several:
             if not isinstance(point, Point):
                 raise ArgumentError(f"points contain {point!r}; all must be of class Point")
-        if not found:
+        if not several:
             raise ArgumentError("points are empty; there must be at least one")
-        if len({point.tag for point in found}) < len(found):
+        if len({point.tag for point in several}) < len(several):
             raise ArgumentError("two points have the same tag; tags must differ")
-        return super().__new__(cls, found)
+        return super().__new__(cls, several)
 
     @overload
     def __getitem__(self, index: SupportsIndex, /) -> Point: ...
@@ -175,8 +166,8 @@ class PointList(tuple[Point, ...]):
         return points if isinstance(points, Point) else PointList(points)
 
     def __repr__(self) -> str:
-        one = "1 point" if len(self) == 1 else f"{len(self)} points"
-        return f"PointList({one}, boxes {' '.join(self.boxes)})"
+        number = f"{len(self)} point{'s' if len(self) != 1 else ''}"
+        return f"PointList({number}, boxes {' '.join(self.boxes)})"
 
     @property
     def boxes(self) -> tuple[str, ...]:
@@ -195,10 +186,10 @@ class PointList(tuple[Point, ...]):
     def counts(self) -> pd.DataFrame:
         """Return the number of points by box and condition; the last row is the total, ``all``."""
         rows = []
-        for own in (*self.by_box().values(), self):
-            kinds = [point.condition for point in own]
-            count = [kinds.count(kind) for kind in CONDITIONS]
-            rows.append([*count, count[0] + count[1], len(own)])
+        for points in (*self.by_box().values(), self):
+            count = Counter(point.condition for point in points)
+            analogue = len(points) - count["switch"]
+            rows.append([*(count[kind] for kind in CONDITIONS), analogue, len(points)])
         columns = [*CONDITIONS, "analogue", "points"]
         return pd.DataFrame(rows, index=[*self.boxes, "all"], columns=columns)
 
@@ -265,11 +256,11 @@ def read_points(path: str | PathLike[str] | None = None) -> PointList:
     >>> read_points()
     PointList(99 points, boxes JB1 JB2 JB3)
     """
-    return _points_of_lee2012() if path is None else _read(path)
+    return _read(path) if path is not None else _shipped()
 
 
 @cache
-def _points_of_lee2012() -> PointList:
+def _shipped() -> PointList:
     return _read(datasets.path("synthetic_iolist_engine.csv"))
 
 
@@ -300,13 +291,12 @@ def _read(path: str | PathLike[str]) -> PointList:
 
 def _point(row: dict[str, str]) -> Point:
     cells = {column: row.get(column, "") for column in _COLUMNS}
-    fields: dict[str, str | float] = {k: v for k, v in cells.items() if v or k in _COLUMNS[:4]}
-    for end in ("low", "high"):
-        if end in fields:
-            try:
-                fields[end] = float(fields[end])
-            except ValueError:
-                raise ArgumentError(f"{end} is {fields[end]!r}; it must be a number") from None
-    if fields["condition"] in CONDITIONS[:2] and len({"low", "high"} & fields.keys()) < 2:
+    values: dict[str, Any] = {k: cell for k, cell in cells.items() if cell or k in _COLUMNS[:4]}
+    for end in {"low", "high"} & values.keys():
+        try:
+            values[end] = float(values[end])
+        except ValueError:
+            raise ArgumentError(f"{end} is {values[end]!r}; it must be a number") from None
+    if values["condition"] in CONDITIONS[:2] and len({"low", "high"} & values.keys()) < 2:
         raise ArgumentError("low or high is empty; a point that is not a switch needs both")
-    return Point(**fields)  # type: ignore[arg-type] # Point checks the values
+    return Point(**values)

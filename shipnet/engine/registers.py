@@ -88,8 +88,8 @@ class Coding:
         self, points: Iterable[Point], values: npt.ArrayLike, failed: npt.ArrayLike = False
     ) -> Words:
         """Return the values as registers; NaN and `failed` values get the error mark."""
-        known = PointList(points)
-        v = by_point(known, "values", values).astype(np.float64)
+        listed = PointList(points)
+        v = by_point(listed, "values", values).astype(np.float64)
         bad = np.asarray(failed)
         if bad.dtype.kind != "b":
             raise ArgumentError(f"failed is {failed!r}; it must be True or False")
@@ -97,8 +97,8 @@ class Coding:
             missing = np.broadcast_to(bad, v.shape) | np.isnan(v)
         except ValueError:
             raise ArgumentError(f"failed has shape {bad.shape}; values have {v.shape}") from None
-        step, zero = self._scale(known)
-        low, high = self._bounds(known)
+        step, zero = self._scale(listed)
+        low, high = self._bounds(listed)
         with np.errstate(over="ignore"):
             count = np.floor((np.where(missing, zero, v) - zero) / step + 0.5)
         whole = np.clip(count, low, high).astype(np.int64) & 0xFFFF
@@ -106,12 +106,12 @@ class Coding:
 
     def decode(self, points: Iterable[Point], registers: npt.ArrayLike) -> Floats:
         """Return the values of registers; NaN for registers that contain the error mark."""
-        known = PointList(points)
-        r = by_point(known, "registers", registers, "iu")
+        listed = PointList(points)
+        r = by_point(listed, "registers", registers, "iu")
         if r.size and not 0 <= r.min() <= r.max() <= 0xFFFF:
             raise ArgumentError("registers are out of range; each must be 0..65535")
-        step, zero = self._scale(known)
-        return np.where(r == self.error, np.nan, zero + step * self._number(known, r))
+        step, zero = self._scale(listed)
+        return np.where(r == self.error, np.nan, zero + step * self._number(listed, r))
 
     def _number(self, points: PointList, registers: npt.NDArray[np.integer]) -> Floats:
         """Return the whole numbers that registers contain."""
@@ -139,17 +139,17 @@ class Coding:
         ``reads`` is the value of the mark; readings ``from``..``to`` are mistaken for an error (NaN
         if none are); they cover ``percent`` of the range.
         """
-        known = PointList(points)
-        mark = np.full(len(known), self.error, np.int64)
-        number = self._number(known, mark)
-        step, zero = self._scale(known)
-        lowest, highest = self._bounds(known)
+        listed = PointList(points)
+        mark = np.full(len(listed), self.error, np.int64)
+        number = self._number(listed, mark)
+        step, zero = self._scale(listed)
+        lowest, highest = self._bounds(listed)
         # Values beyond the ends are clipped to the first or last number, so the outer intervals
         # have no end.
         begin = np.where(number <= lowest, -np.inf, zero + step * (number - 0.5))
         end = np.where(number >= highest, np.inf, zero + step * (number + 0.5))
-        low = np.array([point.low for point in known])
-        high = np.array([point.high for point in known])
+        low = np.array([point.low for point in listed])
+        high = np.array([point.high for point in listed])
         begin, end = np.maximum(begin, low), np.minimum(end, high)
         # The upper end of an interval belongs to the next number, except that a point's range
         # includes its end.
@@ -157,8 +157,8 @@ class Coding:
         meet &= (number >= lowest) & (number <= highest)
         return pd.DataFrame(
             {
-                "tag": [point.tag for point in known],
-                "unit": [point.unit for point in known],
+                "tag": [point.tag for point in listed],
+                "unit": [point.unit for point in listed],
                 "reads": zero + step * number,
                 "collides": meet,
                 "from": np.where(meet, begin, np.nan),

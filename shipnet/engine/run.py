@@ -292,17 +292,8 @@ class Run:
             f"{len(self.alarms())} alarms, oldest value shown {self.worst_age:.2f} s)"
         )
 
-    def shown(self, tag: str) -> Shown:
-        """Return what the AMS shows for a point over time."""
-        return self._shown(self._place(tag))
-
-    def _place(self, tag: str) -> int:
-        tags = [point.tag for point in self.system.points]
-        if tag not in tags:
-            raise ArgumentError(f"tag is {tag!r}; it must be one of {tags[0]} .. {tags[-1]}")
-        return tags.index(tag)
-
     def _shown(self, place: int) -> Shown:
+        """Return what the AMS shows over time for the point with this index."""
         system, message = self.system, self.system.message_of[place]
         box = int(system.sender[message])
         number = self.views.number[:, message]
@@ -332,7 +323,10 @@ class Run:
         then), ``sampled_s``, ``age_s`` when seen and ``last_age_s`` when last shown as good. The
         last three are NaN if the point is marked from the start.
         """
-        shown = self.shown(tag)
+        tags = [point.tag for point in self.system.points]
+        if tag not in tags:
+            raise ArgumentError(f"tag is {tag!r}; it must be one of {tags[0]} .. {tags[-1]}")
+        shown = self._shown(tags.index(tag))
         good = shown.good
         columns = {
             "seen_s": shown.seen,
@@ -453,47 +447,33 @@ class Run:
         rows = []
         for place, point in enumerate(self.system.points):
             shown = self._shown(place)
-            length = shown.good_until - shown.seen
-            good = np.flatnonzero(shown.good)
             marked = int((shown.until - shown.good_until).sum()) / 1e9
-            row = [point.tag, point.box, np.nan, np.nan, marked, np.nan, np.nan]
-            if good.size:
-                length = length[good]
-                last = shown.good_until[good] - shown.sampled[good]
-                middle = last - length / 2
-                mean = float(np.average(middle, weights=np.maximum(length, 1)))
-                sampled = int(shown.sampled[good].max())
-                until = int(shown.good_until[good].max())
-                row[2:4] = [int(last.max()) / 1e9, mean / 1e9]
-                row[5:] = [sampled / 1e9, until / 1e9]
-            rows.append(row)
+            worst = mean = sampled = until = np.nan
+            if (good := shown.good).any():
+                length = (shown.good_until - shown.seen)[good]
+                last = (shown.good_until - shown.sampled)[good]
+                mean = np.average(last - length / 2, weights=np.maximum(length, 1)) / 1e9
+                worst, sampled = last.max() / 1e9, shown.sampled[good].max() / 1e9
+                until = shown.good_until[good].max() / 1e9
+            rows.append((point.tag, point.box, worst, mean, marked, sampled, until))
         columns = ["tag", "box", "worst_s", "mean_s", "marked_s", "sampled_s", "good_until_s"]
         return pd.DataFrame(rows, columns=columns).set_index("tag")
 
     def requests(self) -> pd.DataFrame:
         """Return one row per request: ``poll``, ``channel``, ``time_s``, ``outcome``."""
-        return pd.DataFrame(
-            {
-                "poll": self.attempts.poll,
-                "channel": self.attempts.channel + 1,
-                "time_s": self.attempts.start / 1e9,
-                "outcome": pd.Categorical.from_codes(self.attempts.outcome, pd.Index(OUTCOMES)),
-            }
-        )
+        poll, channel, start, outcome, _ = self.attempts
+        words = pd.Categorical.from_codes(outcome, pd.Index(OUTCOMES))
+        columns = {"poll": poll, "channel": channel + 1, "time_s": start / 1e9, "outcome": words}
+        return pd.DataFrame(columns)
 
     def answers(self) -> pd.DataFrame:
         """Return one row per ``poll``: ``time_s`` and ``answer_s`` (response time; inf if none)."""
         rows = pd.DataFrame(self.attempts._asdict())
         took = np.where(rows["outcome"] == 0, nanoseconds(self.system.poll.time), np.inf)
         rows["end"] = rows["start"] + took
-        by = rows.groupby("poll").agg(start=("start", "min"), end=("end", "min")).reset_index()
-        return pd.DataFrame(
-            {
-                "poll": by["poll"],
-                "time_s": by["start"] / 1e9,
-                "answer_s": (by["end"] - by["start"]) / 1e9,
-            }
-        )
+        by = rows.groupby("poll").agg(start=("start", "min"), end=("end", "min"))
+        columns = {"time_s": by["start"] / 1e9, "answer_s": (by["end"] - by["start"]) / 1e9}
+        return pd.DataFrame(columns).reset_index()
 
     def alarms(self) -> pd.DataFrame:
         """Return the alarms of the AMS: ``time_s``, ``source`` and ``kind``.
@@ -506,43 +486,20 @@ class Run:
 
     @cached_property
     def _alarms(self) -> pd.DataFrame:
-        rows = self._link_alarms() + self._path_alarms()
-        until, good, good_until = self._good
-        bad = "0xFF" if self.system.coding == "printed" else "too old"
-        tags: dict[int, list[str]] = {}
-        for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
-            tags.setdefault(message, []).append(point.tag)
-        for message, of_message in tags.items():
-            # Points stay good until the next response, or until their limit if that is earlier.
-            fine, end = good[:, message], good_until[:, message]
-            time = np.stack([self.views.seen, end], axis=1)
-            state = np.stack([fine, fine & (end == until)], axis=1)
-            for when, back in _changes(time.ravel(), state.ravel()):
-                rows += [(when / 1e9, tag, "good again" if back else bad) for tag in of_message]
-        rows.sort(key=lambda row: row[0])
-        return pd.DataFrame(rows, columns=["time_s", "source", "kind"])
-
-    def _link_alarms(self) -> list[tuple[float, str, str]]:
         rows = []
-        tries = 1 + self.system.retries
         silent = nanoseconds(self.system.poll.line.frame_time(8) + self.system.timeout)
         for channel in (0, 1):
             on_channel = self.attempts.channel == channel
-            columns = (self.attempts.poll, self.attempts.start, self.attempts.outcome)
-            poll, start, outcome = (column[on_channel] for column in columns)
+            poll, _, start, outcome, _ = (column[on_channel] for column in self.attempts)
             fine = outcome == 0
+            # A poll of the channel fails with its last retry.
             _, count = np.unique(poll, return_counts=True)
-            final = np.repeat(count, count) == tries
-            ends = np.append(poll[1:] != poll[:-1], True) if poll.size else fine
-            known = ends & (fine | final)
+            final = np.repeat(count, count) == 1 + self.system.retries
+            ended = (poll != np.append(poll[1:], -1)) & (fine | final)
             wait = np.where(outcome == 1, silent, nanoseconds(self.system.poll.time))
-            for when, good in _changes((start + wait)[known], fine[known]):
+            for when, good in _changes((start + wait)[ended], fine[ended]):
                 word = "answers again" if good else "no answer"
                 rows.append((when / 1e9, f"channel {channel + 1}", word))
-        return rows
-
-    def _path_alarms(self) -> list[tuple[float, str, str]]:
-        rows = []
         limit = nanoseconds(self.system.age_limit)
         for channel, path in enumerate(self.paths, start=1):
             fresh = path.known + limit > path.seen[:, None]
@@ -551,21 +508,28 @@ class Run:
                 for when, good in _changes(path.seen, fine):
                     word = "path back" if good else "path lost"
                     rows.append((when / 1e9, f"{name} on channel {channel}", word))
-        return rows
+        until, all_good, good_until = self._good
+        bad = "0xFF" if self.system.coding == "printed" else "too old"
+        tags: dict[int, list[str]] = {}
+        for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
+            tags.setdefault(message, []).append(point.tag)
+        for message, of_message in tags.items():
+            # Points stay good until the next response, or until their limit if that is earlier.
+            valid, end = all_good[:, message], good_until[:, message]
+            time = np.stack([self.views.seen, end], axis=1)
+            state = np.stack([valid, valid & (end == until)], axis=1)
+            for when, back in _changes(time.ravel(), state.ravel()):
+                rows += [(when / 1e9, tag, "good again" if back else bad) for tag in of_message]
+        rows.sort(key=lambda row: row[0])
+        return pd.DataFrame(rows, columns=["time_s", "source", "kind"])
 
     @cached_property
     def bus_time(self) -> pd.Series[float]:
         """Fractions of the time for which the CAN bus and each Modbus line are busy."""
-        inside = self.sent.start >= 0
-        bits = self.system.frame_ns[self.sent.message[inside]]
+        bits = self.system.frame_ns[self.sent.message[self.sent.start >= 0]]
         busy = {"CAN": int(bits.sum())}
-        line = self.system.serial
-        request = nanoseconds(line.frame_time(8))
-        response = nanoseconds(line.frame_time(5 + 2 * self.system.registers))
-        for channel in (0, 1):
-            outcome = self.attempts.outcome[self.attempts.channel == channel]
-            heard = int((outcome != 1).sum())
-            busy[f"channel {channel + 1}"] = outcome.size * request + heard * response
+        for name, slices in _lines(self).items():
+            busy[name] = sum(end - begin for begin, end, _ in slices)
         return pd.Series(busy) / self.end
 
 
@@ -582,15 +546,16 @@ def _changes(time: Integers, good: Bools) -> Sequence[tuple[int, bool]]:
 def _cpu(run: Run, box: int) -> _Slices:
     system, cpu, loop = run.system, run.cpus[box], run.loops[box]
     modbus = [(t, t + system.service_ns, "Modbus") for t in cpu.begins.tolist()]
-    heard = run.sent.heard_by(box, system)
-    due, work = run.sent.arrival[heard], nanoseconds(system.firmware.receive)
+    received = run.sent.heard_by(box, system)
+    due, work = run.sent.arrival[received], nanoseconds(system.firmware.receive)
     left = cpu.queue(due, work)
     starts, ends = np.maximum(cpu.at(left), due), cpu.at(left + work)
     can = _without(
         [(a, b, "CAN") for a, b in zip(starts.tolist(), ends.tolist(), strict=True)], modbus
     )
     if system.coding == "printed" and box in system.ports:
-        senders, length = system.sender[run.sent.message[heard]], nanoseconds(system.firmware.mark)
+        senders = system.sender[run.sent.message[received]]
+        length = nanoseconds(system.firmware.mark)
         begun = [marks(system, cpu, ends[senders == sender]) for sender in set(senders)]
         timer = [
             (a, b, "timer")

@@ -111,7 +111,7 @@ def serve(
             raise ArgumentError(f"one of faults is {fault!r}; random losses cannot be served")
     sensors = SyntheticValues(system.points, rng)
     slaves: dict[int, Slave] = {
-        unit: _BoxSlave(JunctionBox(system, wrong, sensors, box))
+        unit: _BoxSlave(JunctionBox(system, wrong, sensors, box), functions=FUNCTIONS)
         for unit, box in zip(UNITS, system.ports, strict=True)
     }
     slaves[FAULT_UNIT] = Slave(FaultRegisters(system, wrong), functions={3, 6, 16})
@@ -174,19 +174,20 @@ class FaultRegisters:
         places = system.places
         parts = [(where, (kind,)) for kind in _PARTS for where in places[kind.at]]
         sensors = [(where, _OF_SENSORS) for where in places["sensor"]]
-        self.rows: dict[int, tuple[str, tuple[type[EngineFault], ...]]] = {
-            **dict(enumerate(parts)),
-            **dict(enumerate(sensors, _SENSORS)),
-        }
+        self.rows: dict[int, tuple[str, tuple[type[EngineFault], ...]]]
+        self.rows = dict(enumerate(parts)) | dict(enumerate(sensors, _SENSORS))
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
         """Return, for each register, the number of the fault now present, or 0 if there is none."""
         now = nanoseconds(time)
         content = []
         for where, kinds in self._rows(table, address, quantity):
-            spans = [outages(self.faults, where, kind) for kind in kinds]
-            broken = [any(begin <= now < stop for begin, stop in own) for own in spans]
-            content.append(broken.index(True) + 1 if any(broken) else 0)
+            present = [
+                number
+                for number, kind in enumerate(kinds, 1)
+                if any(a <= now < b for a, b in outages(self.faults, where, kind))
+            ]
+            content.append(min(present, default=0))
         return content
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
@@ -197,23 +198,21 @@ class FaultRegisters:
         for value, (where, kinds) in zip(values, rows, strict=True):
             kept = []
             for fault in self.faults:
-                own = type(fault) in kinds and fault.where == where
-                if not own or not fault.start <= time < fault.stop:
+                here = type(fault) in kinds and fault.where == where
+                if not here or not fault.start <= time < fault.stop:
                     kept.append(fault)
                 elif fault.start < time:
                     kept.append(replace(fault, stop=time))
-            self.faults[:] = [
-                *kept,
-                *(kind(where, start=time) for kind in kinds[value - 1 : value]),
-            ]
+            begun = [kinds[value - 1](where, start=time)] if value else []
+            self.faults[:] = kept + begun
 
     def _rows(
         self, table: Table, address: int, quantity: int
     ) -> list[tuple[str, tuple[type[EngineFault], ...]]]:
-        asked = range(address, address + quantity)
-        if table != "holding_registers" or not all(place in self.rows for place in asked):
+        places = range(address, address + quantity)
+        if table != "holding_registers" or not all(place in self.rows for place in places):
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
-        return [self.rows[place] for place in asked]
+        return [self.rows[place] for place in places]
 
 
 class JunctionBox:
@@ -239,13 +238,13 @@ class JunctionBox:
     def values(self, time: float) -> Floats:
         """Return the values of all points as this box holds them at `time` [s]; NaN if marked."""
         now = nanoseconds(time)
-        heard = [self._heard(box, now) for box in range(len(self.system.boxes))]
+        received = [self._heard(box, now) for box in range(len(self.system.boxes))]
         limit = nanoseconds(self.system.stale_limit)
         values = np.full(len(self.system.points), np.nan)
         for place, (point, box) in enumerate(
             zip(self.system.points, self.system.box_of.tolist(), strict=True)
         ):
-            last = heard[box]
+            last = received[box]
             if last is None or now - last > limit:
                 continue
             for begin, stop in outages(self.faults, point.tag, StuckSensor):
@@ -275,9 +274,6 @@ class JunctionBox:
 
 class _BoxSlave(Slave):
     """The slave of a junction box, which does not respond while the box is silent."""
-
-    def __init__(self, box: JunctionBox) -> None:
-        super().__init__(box, functions=FUNCTIONS)
 
     def answer(self, request: Request | bytes, time: float = 0.0) -> bytes:
         """Execute a request, unless the box is silent at this time."""

@@ -16,7 +16,6 @@ import numpy as np
 from shipnet.arrays import Bools, Integers
 from shipnet.can.frame import INTERMISSION
 from shipnet.clock import nanoseconds
-from shipnet.engine.bounds import FailureBounds
 from shipnet.engine.faults import (
     BusOff,
     CanBreak,
@@ -97,7 +96,16 @@ def simulate(
     if rng is None and any(isinstance(f, LostCanFrames | LostModbusFrames) for f in wrong):
         raise ArgumentError("rng is None; it is required because frames are lost at random")
     chance = None if rng is None else check_rng(rng)
-    begins = _phases(system, phases or {}, chance)
+    periods = dict(zip(system.boxes, system.period_ns.tolist(), strict=True))
+    periods["AMS"] = nanoseconds(system.poll_period)
+    chosen = phases or {}
+    if strange := sorted(set(chosen) - set(periods)):
+        raise ArgumentError(f"phases has unknown names {strange}; known are {', '.join(periods)}")
+    begins = {}
+    for name, period in periods.items():
+        drawn = 0 if chance is None else int(chance.integers(period))
+        phase = check_scalar(f"phase of {name}", chosen.get(name, 0.0), "s", 0, 100)
+        begins[name] = nanoseconds(phase) if name in chosen else drawn
     frames = sum(horizon / period for period in system.period_ns[system.sender].tolist())
     polls = until / system.poll_spacing() * (2 if system.polled == "both" else 1)
     frames += polls * system.sender.size
@@ -126,31 +134,16 @@ def simulate(
     number, known = np.full((seen.size, width), -1), np.full((seen.size, width), NEVER)
     for port, box in enumerate(system.ports):
         rows = np.flatnonzero(channel == port)
-        table = _Table(system, box, cpus[box], loops[box], sent, lost, wrong)
-        number[rows], known[rows] = table.read(requested[good][rows])
+        time = requested[good][rows]
+        number[rows], known[rows] = _stored(system, box, cpus, loops, sent, lost, wrong, time)
     views = Views(seen, number, known)
     paths: tuple[Views, ...] = ()
     if system.polled == "both":
         paths = tuple(Views(*(c[channel == port] for c in views)) for port in (0, 1))
-        views = _freshest(views, channel)
+        views = freshest(views, channel)
     return Run(
         system, wrong, until, span[1], attempts, tuple(cpus), tuple(loops), sent, views, paths
     )
-
-
-def _phases(
-    system: System, given: Mapping[str, float], rng: np.random.Generator | None
-) -> dict[str, int]:
-    periods = dict(zip(system.boxes, system.period_ns.tolist(), strict=True))
-    periods["AMS"] = nanoseconds(system.poll_period)
-    if strange := sorted(set(given) - set(periods)):
-        raise ArgumentError(f"phases has unknown names {strange}; known are {', '.join(periods)}")
-    starts = {}
-    for name, period in periods.items():
-        drawn = 0 if rng is None else int(rng.integers(period))
-        chosen = check_scalar(f"phase of {name}", given.get(name, 0.0), "s", 0, 100)
-        starts[name] = nanoseconds(chosen) if name in given else drawn
-    return starts
 
 
 def _lost(
@@ -175,66 +168,54 @@ def _lost(
     return lost
 
 
-class _Table:
-    """The values stored in a box: its own, and those that it received on CAN."""
-
-    def __init__(
-        self,
-        system: System,
-        box: int,
-        cpu: Cpu,
-        loop: Rounds,
-        sent: Frames,
-        lost: Bools | None,
-        faults: Sequence[EngineFault],
-    ) -> None:
-        self.system, self.box, self.cpu, self.loop = system, box, cpu, loop
-        self.deaths = outages(faults, system.boxes[box], DeadBox)
-        rows = sent.heard_by(box, system)
-        if lost is not None:
-            rows = rows[~lost[box, sent.message[rows], sent.round[rows]]]
-        self.message, self.number = sent.message[rows], sent.round[rows]
-        work = nanoseconds(system.firmware.receive)
-        self.done = cpu.at(cpu.queue(sent.arrival[rows], work) + work)
-
-    def read(self, time: Integers) -> tuple[Integers, Integers]:
-        """Return `number` and `known` of each message, as in `Views`, at the given times [ns]."""
-        system, box = self.system, self.box
-        number = np.full((time.size, system.sender.size), -1)
-        known = np.full((time.size, system.sender.size), NEVER)
-        hop = system.hop_ns(box)
-        emptied = np.full(time.size, NEVER)
-        for _, back in self.deaths:
-            emptied = np.where(time >= back, back, emptied)
-        for message, sender in enumerate(system.sender.tolist()):
-            if sender == box:
-                rounds_ = np.flatnonzero(self.loop.converted > NEVER)
-                done = self.loop.converted[rounds_]
-            else:
-                rows = self.message == message
-                rounds_, done = self.number[rows], self.done[rows]
-            newest = np.searchsorted(done, time, side="right") - 1
-            there = newest >= 0
-            if not there.any():
-                continue
-            when = np.where(there, done[newest], NEVER)
-            there &= when >= emptied
-            if sender != box and system.coding == "printed":
-                there &= when > self._marked(sender, time)
-            number[there, message] = rounds_[newest][there]
-            known[there, message] = when[there] - hop[message]
-        return number, known
-
-    def _marked(self, sender: int, time: Integers) -> Integers:
-        """Return when the timer last marked a sender's values up to each time [ns], or `NEVER`."""
-        arrivals = self.done[self.system.sender[self.message] == sender]
-        work = nanoseconds(self.system.firmware.mark)
-        # The first entry is not a real mark; it precedes all times.
-        ends = np.append(NEVER, self.cpu.at(marks(self.system, self.cpu, arrivals) + work))
-        return np.asarray(ends[np.searchsorted(ends, time, side="right") - 1])
+def _stored(
+    system: System,
+    box: int,
+    cpus: Sequence[Cpu],
+    loops: Sequence[Rounds],
+    sent: Frames,
+    lost: Bools | None,
+    faults: Sequence[EngineFault],
+    time: Integers,
+) -> tuple[Integers, Integers]:
+    """Return what a box has stored of each message at each `time` [ns]: two columns of `Views`."""
+    cpu = cpus[box]
+    rows = sent.heard_by(box, system)
+    if lost is not None:
+        rows = rows[~lost[box, sent.message[rows], sent.round[rows]]]
+    work = nanoseconds(system.firmware.receive)
+    read = cpu.at(cpu.queue(sent.arrival[rows], work) + work)
+    number = np.full((time.size, system.sender.size), -1)
+    known = np.full((time.size, system.sender.size), NEVER)
+    hop = system.hop_ns(box)
+    emptied = np.full(time.size, NEVER)
+    for _, back in outages(faults, system.boxes[box], DeadBox):
+        emptied = np.where(time >= back, back, emptied)
+    for message, sender in enumerate(system.sender.tolist()):
+        if sender == box:
+            newer = np.flatnonzero(loops[box].converted > NEVER)
+            done = loops[box].converted[newer]
+        else:
+            of_message = sent.message[rows] == message
+            newer, done = sent.round[rows][of_message], read[of_message]
+        newest = np.searchsorted(done, time, side="right") - 1
+        there = newest >= 0
+        if not there.any():
+            continue
+        when = np.where(there, done[newest], NEVER)
+        there &= when >= emptied
+        if sender != box and system.coding == "printed":
+            # The timer marks all values of a sender; the first entry precedes all times.
+            arrivals = read[system.sender[sent.message[rows]] == sender]
+            left = marks(system, cpu, arrivals) + nanoseconds(system.firmware.mark)
+            ends = np.append(NEVER, cpu.at(left))
+            there &= when > ends[np.searchsorted(ends, time, side="right") - 1]
+        number[there, message] = newer[newest][there]
+        known[there, message] = when[there] - hop[message]
+    return number, known
 
 
-def _freshest(views: Views, channel: Integers) -> Views:
+def freshest(views: Views, channel: Integers) -> Views:
     """Return the views after every response, each message from the channel with the newer data."""
     order = np.argsort(views.seen, kind="stable")
     seen, channel = views.seen[order], channel[order]
@@ -503,68 +484,64 @@ def single_failures(
     trials = check_whole("trials", trials, 1, 1000)
     chance = check_rng(rng)
     chosen = system.single_faults() if faults is None else system.check_faults(faults)
+    # A run must last until two polls after the last mark.
+    settled = max(system.staleness_flag().after, RULE) + 3 * system.poll_period
     rows = []
     for fault in (None, *chosen):
-        runs = [_fault_run(system, fault, chance) for _ in range(trials)]
+        runs = []
+        start, stop = (10.0, inf) if fault is None else (fault.start, fault.stop)
+        end = start + max(2 * settled, _LENGTH) if stop == inf else stop + settled
+        for _ in range(trials):
+            # A random delay avoids a special phase relation between the fault and the clocks.
+            late = float(chance.uniform(0, system.poll_period))
+            moved = [] if fault is None else [replace(fault, start=start + late, stop=stop + late)]
+            runs.append(simulate(system, faults=moved, until=end, rng=chance))
         rows.append(_fault_row(system, fault, runs))
     return pd.DataFrame(rows).set_index("fault")
 
 
-def _fault_run(system: System, fault: EngineFault | None, rng: np.random.Generator) -> Run:
-    # The run must last until two polls after the last mark.
-    settled = max(system.staleness_flag().after, RULE) + 3 * system.poll_period
-    start, stop = (10.0, inf) if fault is None else (fault.start, fault.stop)
-    end = start + max(2 * settled, _LENGTH) if stop == inf else stop + settled
-    # A random delay avoids a special phase relation between the fault and the clocks.
-    late = float(rng.uniform(0, system.poll_period))
-    moved = [] if fault is None else [replace(fault, start=start + late, stop=stop + late)]
-    return simulate(system, faults=moved, until=end, rng=rng)
-
-
 def _fault_row(system: System, fault: EngineFault | None, runs: Sequence[Run]) -> dict[str, object]:
+    """Return the effect of a fault as a row of `single_failures`."""
     try:
-        bounds = system.failure_bounds(fault)
+        answer_bound, _, oldest_bound = system.failure_bounds(fault)
     except ArgumentError:
-        bounds = FailureBounds(inf, inf, inf)
-    tables = [run.table() for run in runs]
-    begins = [run.faults[0].start if run.faults else inf for run in runs]
-    ends = [min(run.faults[0].stop, run.end / 1e9) if run.faults else 0.0 for run in runs]
-    worst = np.max([table["worst_s"] for table in tables], axis=0)
+        answer_bound = oldest_bound = inf
+    worst = np.max([run.table()["worst_s"] for run in runs], axis=0)
+    marked = np.max([run.table()["marked_s"] for run in runs], axis=0) > 0
     lost, growing = (np.zeros(worst.size, dtype=bool) for _ in range(2))
     after = []
-    for run, begin, end in zip(runs, begins, ends, strict=True):
+    for run in runs:
+        begin = inf
         if run.faults:
+            begin, end = run.faults[0].start, min(run.faults[0].stop, run.end / 1e9)
             gone = _unseen(run, begin, end)
             lost |= gone
             if run.faults[0].stop == inf:
                 growing |= gone & (run.table()["good_until_s"] == run.end / 1e9).to_numpy()
         alarms = run.alarms()
-        alarms = alarms[alarms["time_s"] >= begin]
-        first = alarms[alarms["kind"].isin(["0xFF", "too old"])].groupby("source")["time_s"].min()
-        after.append(first.max() - begin if len(first) else np.nan)
-    marked = np.max([table["marked_s"] for table in tables], axis=0) > 0
+        marks = alarms[(alarms["time_s"] >= begin) & alarms["kind"].isin(["0xFF", "too old"])]
+        after.append(marks.groupby("source")["time_s"].min().max() - begin)
     kinds = {kind for run in runs for kind in run.alarms()["kind"]}
     words = {"link": {"no answer"}, "path": {"path lost"}, "mark": {"0xFF", "too old"}}
     noticed = [word for word, raised in words.items() if kinds & raised]
-    answer = max(run.answers()["answer_s"].max() for run in runs)
     return {
         "fault": "none" if fault is None else str(fault),
         "lost": int(lost.sum()),
         "old": int((worst > RULE).sum()),
         "oldest_s": inf if growing.any() else float(np.nanmax(worst)),
-        "bound_s": bounds.oldest,
+        "bound_s": oldest_bound,
         "marked": int(marked.sum()),
-        "marked_after_s": float(np.nanmax(after)) if not np.isnan(after).all() else np.nan,
+        "marked_after_s": float(np.fmax.reduce(after)),
         "noticed": ", ".join(noticed) or "no",
-        "answer_s": float(answer),
-        "answer_ok": bounds.answer <= RULE,
-        "age_ok": bounds.oldest <= RULE,
+        "answer_s": float(max(run.answers()["answer_s"].max() for run in runs)),
+        "answer_ok": answer_bound <= RULE,
+        "age_ok": oldest_bound <= RULE,
     }
 
 
 def _unseen(run: Run, begin: float, end: float) -> Bools:
     """Return a mask of the points that show no value newer than the fault while it lasts."""
-    shown = [run.shown(point.tag) for point in run.system.points]
+    shown = [run._shown(place) for place in range(len(run.system.points))]
     # The values of a stuck sensor date from exactly the nanosecond at which it became stuck.
     first, last = nanoseconds(begin), nanoseconds(end)
     newer = [s.good & (s.sampled > first) & (s.seen <= last) for s in shown]

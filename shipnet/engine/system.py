@@ -100,11 +100,7 @@ class System:
     )
     poll_period: float = number(0.01, LONGEST, "s", "Time between polls", default=1.0)
     timeout: float = number(
-        0,
-        LONGEST,
-        "s",
-        "Time-out of the AMS from the end of a request; not printed",
-        default=0.1238,
+        0, LONGEST, "s", "Time-out from the end of a request; not printed", default=0.1238
     )
     retries: int = whole(
         0, 10, "", "Retries of the AMS before it tries the other channel; assumed", default=0
@@ -121,11 +117,7 @@ class System:
         0.01, LONGEST, "s", "Silence after which a box is marked in the printed coding", default=4.0
     )
     age_limit: float = number(
-        0.01,
-        LONGEST,
-        "s",
-        "Age beyond which a value is marked in the corrected coding",
-        default=RULE,
+        0.01, LONGEST, "s", "Age above which the corrected coding marks a value", default=RULE
     )
 
     def __post_init__(self) -> None:
@@ -198,7 +190,7 @@ class System:
         """The shortest time-out that a healthy box can meet [s]."""
         return self.serial.t35 + self.firmware.processing
 
-    @cached_property
+    @property
     def conversion_times(self) -> dict[str, float]:
         """Time that each box takes to convert its inputs [s]."""
         return dict(zip(self.boxes, (self.convert_ns / 1e9).tolist(), strict=True))
@@ -251,24 +243,21 @@ class System:
     @cached_property
     def offset_ns(self) -> Integers:
         """Sampling time of each point from the start of the round [ns], shape (n_points,)."""
-        offsets = np.zeros(len(self.points), dtype=np.int64)
-        inputs = [0] * len(self.boxes)
+        # Switches are read at the end of the conversion.
+        offsets = self.convert_ns[self.box_of]
+        analogue = np.array([point.analogue for point in self.points])
         each = nanoseconds(self.firmware.input_time)
-        hold = nanoseconds(self.firmware.sampling_time)
-        for place, (point, box) in enumerate(zip(self.points, self.box_of.tolist(), strict=True)):
-            if point.analogue:
-                offsets[place] = inputs[box] * each + hold
-                inputs[box] += 1
-            else:
-                offsets[place] = self.convert_ns[box]
+        for box in range(len(self.boxes)):
+            inputs = np.flatnonzero(analogue & (self.box_of == box))
+            offsets[inputs] = each * np.arange(inputs.size)
+        offsets[analogue] += nanoseconds(self.firmware.sampling_time)
         return offsets
 
     @cached_property
     def convert_ns(self) -> Integers:
         """Time that each box takes to convert its inputs [ns], shape (n_boxes,)."""
-        counts = [
-            sum(point.analogue for point in points) for points in self.points.by_box().values()
-        ]
+        boxes = self.points.by_box().values()
+        counts = [sum(point.analogue for point in points) for points in boxes]
         return nanoseconds(self.firmware.input_time) * np.array(counts, dtype=np.int64)
 
     @cached_property
@@ -362,16 +351,13 @@ class System:
 
     def check_faults(self, faults: Fault | Iterable[Fault]) -> tuple[EngineFault, ...]:
         """Return one or more faults as a tuple; raise ArgumentError if one has an unknown place."""
-        checked: list[EngineFault] = []
-        places = self.places
-        for fault in as_faults(faults, *KINDS, *WIRES.values()):
-            assert isinstance(fault, EngineFault)
-            legal = places[fault.at]
+        checked: tuple[Any, ...] = as_faults(faults, *KINDS, *WIRES.values())
+        for fault in checked:
+            legal = self.places[fault.at]
             if fault.where not in legal:
-                few = [*legal[:6], *(["..."] if len(legal) > 6 else [])]
-                raise ArgumentError(f"where is {fault.where!r}; it must be one of {', '.join(few)}")
-            checked.append(fault)
-        return tuple(checked)
+                few = ", ".join(legal[:6]) + (", ..." if len(legal) > 6 else "")
+                raise ArgumentError(f"where is {fault.where!r}; it must be one of {few}")
+        return checked
 
     def single_faults(self, start: float = 10.0) -> tuple[EngineFault, ...]:
         """Return all lasting single faults, each beginning at `start` [s].
@@ -381,11 +367,10 @@ class System:
         """
         first = tuple(points[0].tag for points in self.points.by_box().values())
         places = {**self.places, "sensor": first}
-        more: dict[type[EngineFault], dict[str, float]] = {LostModbusFrames: {"response": 0.5}}
+        faults = (kind(where, start=start) for kind in KINDS for where in places[kind.at])
         return tuple(
-            kind(where, start=start, **more.get(kind, {}))
-            for kind in KINDS
-            for where in places[kind.at]
+            replace(fault, response=0.5) if isinstance(fault, LostModbusFrames) else fault
+            for fault in faults
         )
 
     def plot(

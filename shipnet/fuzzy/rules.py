@@ -4,30 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import combinations, compress, product
 from math import nan, prod
+from operator import and_
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arrays import Bools, Floats, Integers
+from shipnet.arrays import Bools, Floats, Indices, Integers
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng, check_whole
-from shipnet.fuzzy.firing import (
-    METHODS,
-    Ramps,
-    Samples,
-    arrays,
-    compare,
-    control_system,
-    masks,
-    persistent,
-    undecided,
-)  # fmt: skip
-from shipnet.fuzzy.terms import NORMAL, UNDETERMINED, Rule, Term, Variable
+from shipnet.fuzzy.firing import METHODS, Samples, arrays, masks, persistent, undecided
+from shipnet.fuzzy.terms import NORMAL, UNDETERMINED, Rule, Term, Variable, sloping, trapezoid
 from shipnet.lazy import Axes, pd
 
 #: Number of samples processed at a time, so that their arrays fit in the cache.
@@ -76,16 +67,14 @@ class RuleBase:
             raise ArgumentError("variables or rules are empty; there must be one or more of each")
         unique = [("variable", name) for name in self.names] + [("code", c) for c in self.codes]
         unique += [("priority", str(rule.priority)) for rule in self.rules]
-        twice = dict.fromkeys(one for one in unique if unique.count(one) > 1)
+        twice = dict.fromkeys(pair for pair in unique if unique.count(pair) > 1)
         faults = [f"{kind} {name} occurs twice" for kind, name in twice]
-        known = {
-            (variable.name, term.name) for variable in self.variables for term in variable.terms
-        }
+        terms = {f"{v.name}.{term.name}" for v in self.variables for term in v.terms}
         faults += [
-            f"{rule.code}: there is no term {variable}.{term}"
+            f"{rule.code}: there is no term {pair}"
             for rule in self.rules
-            for variable, term in rule.antecedent
-            if (variable, term) not in known
+            for pair in rule.text.split(" & ")
+            if pair not in terms
         ]
         if faults:
             raise ArgumentError("; ".join(faults))
@@ -106,12 +95,11 @@ class RuleBase:
     @cached_property
     def ranking(self) -> tuple[str, ...]:
         """Codes of the rules, the highest priority first."""
-        return tuple(rule.code for rule in sorted(self.rules, key=lambda rule: rule.priority))
+        return tuple(self.codes[place] for place in self._ranked)
 
     @cached_property
-    def ramps(self) -> Ramps:
-        """The rules as ramps, from which firing strengths are computed."""
-        return Ramps(self.variables, [rule.antecedent for rule in self.rules])
+    def _ranked(self) -> Indices:
+        return np.argsort([rule.priority for rule in self.rules])
 
     def __getitem__(self, name: str) -> Variable:
         """Return the variable with this name."""
@@ -133,18 +121,15 @@ class RuleBase:
 
     def top_codes(self, active: Bools, doubtful: npt.ArrayLike = False) -> npt.NDArray[np.object_]:
         """Return each row's top active code, else ``undetermined`` if `doubtful`, or ``normal``."""
-        places = [self.codes.index(code) for code in self.ranking]
-        ranked = active[..., places]
-        first = np.where(ranked.any(axis=-1), ranked.argmax(axis=-1), len(places))
+        ranked, n = active[..., self._ranked], len(self.rules)
+        first = np.where(ranked.any(axis=-1), ranked.argmax(axis=-1), np.where(doubtful, n + 1, n))
         names = np.array([*self.ranking, NORMAL, UNDETERMINED], dtype=object)
-        first += np.asarray(doubtful) & (first == len(places))
         return np.asarray(names[first], dtype=object)
 
     def active_codes(self, active: Bools) -> list[str]:
         """Return each row's active codes as one string, highest priority first; `active` is 2-D."""
-        places = [self.codes.index(code) for code in self.ranking]
         names = np.array(self.ranking, dtype=object)
-        return [" ".join(names[row]) for row in active[:, places]]
+        return [" ".join(names[row]) for row in active[:, self._ranked]]
 
     def table(self) -> pd.DataFrame:
         """Return one row per rule: code, antecedent, flag, priority and English label."""
@@ -159,11 +144,7 @@ class RuleBase:
         return {v.name: generator.uniform(v.low, v.high, size) for v in self.variables}
 
     def fire(
-        self,
-        samples: Samples,
-        method: str = "fuzzy",
-        *,
-        applies: Samples | None = None,
+        self, samples: Samples, method: str = "fuzzy", *, applies: Samples | None = None
     ) -> Firing:
         """Return the firing strength of every rule for every sample.
 
@@ -179,47 +160,75 @@ class RuleBase:
         shape = values[self.names[0]].shape
         due = {} if applies is None else masks(self.names, applies, shape)
         flat = [x.reshape(-1) for x in values.values()]
-        needed = [(self.names.index(name), mask.reshape(-1)) for name, mask in due.items()]
-        low, high = self._valid
         # One row per rule, so that each is written to consecutive memory.
         strength = possible = np.empty((len(self.rules), flat[0].size))
         for start in range(0, flat[0].size, _BLOCK):
             part = slice(start, start + _BLOCK)
-            x = np.array([row[part] for row in flat])
-            lost = ~((x >= low) & (x <= high))
-            x[lost] = nan
-            for place, mask in needed:
-                x[place, ~mask[part]] = nan
-                lost[place] &= mask[part]
-            strength[:, part] = best = self._strengths(x, method)
-            if lost.any():
+            membership = self._membership(np.array([x[part] for x in flat]), method)
+            for name, mask in due.items():
+                of_name = self._places == self.names.index(name)
+                membership[np.ix_(of_name, ~mask.reshape(-1)[part])] = 0.0
+            # A rule fires as strongly as its weakest condition.
+            conditions = membership[self._conditions]
+            weakest = conditions.min(axis=1)
+            strength[:, part] = weakest
+            unknown = np.isnan(weakest)
+            if unknown.any():
                 if possible is strength:
                     possible = strength.copy()
-                best = self._strengths(x, method, doubtful=True)
-                for place, mask in needed:
-                    best[self.users[place]] *= mask[part]
+                strength[:, part][unknown] = 0.0
+                # A missing condition may be met, so the weakest of the others decides.
+                weakest = np.nan_to_num(np.fmin.reduce(conditions, axis=1), nan=1.0)
             if possible is not strength:
-                possible[:, part] = best
-        found = [rows.T.reshape(*shape, len(self.rules)) for rows in (strength, possible)]
-        return Firing(self, values, found[0], found[possible is not strength], due)
+                possible[:, part] = weakest
+        of_samples = [rows.T.reshape(*shape, len(self.rules)) for rows in (strength, possible)]
+        return Firing(self, values, of_samples[0], of_samples[possible is not strength], due)
 
     @cached_property
-    def _valid(self) -> Floats:
-        """The lowest and the highest values that count as readings, shape (2, n_variables, 1)."""
-        return np.array([variable.valid for variable in self.variables]).T[..., np.newaxis]
+    def _terms(self) -> list[tuple[str, str]]:
+        """The terms that the rules use, as pairs of variable and term."""
+        return list(dict.fromkeys(pair for rule in self.rules for pair in rule.antecedent))
 
     @cached_property
-    def users(self) -> Bools:
-        """Mask of the rules that use each variable, shape (n_variables, n_rules)."""
-        return np.array([[name in rule.variables for rule in self.rules] for name in self.names])
+    def _conditions(self) -> Indices:
+        """Index in `_terms` of each rule's conditions; a short rule repeats its last condition."""
+        rows = [[self._terms.index(pair) for pair in rule.antecedent] for rule in self.rules]
+        longest = max(map(len, rows))
+        return np.array([row + row[-1:] * (longest - len(row)) for row in rows])
 
-    def _strengths(self, x: Floats, method: str, *, doubtful: bool = False) -> Floats:
-        """Return one row of firing strengths per rule; if `doubtful`, missing terms hold."""
+    @cached_property
+    def _places(self) -> Indices:
+        """Index of the variable of each term in use."""
+        return np.array([self.names.index(name) for name, _ in self._terms])
+
+    @cached_property
+    def _limits(self) -> Floats:
+        """Ends of the universes, and lowest and highest readings, shape (4, n_variables, 1)."""
+        rows = [(variable.low, variable.high, *variable.valid) for variable in self.variables]
+        return np.array(rows).T[..., np.newaxis]
+
+    @cached_property
+    def _trapezoids(self) -> Floats:
+        """Corners of the terms in use, for `trapezoid`, shape (4, n_terms, 1)."""
+        pairs = [(self[name], self[name][term]) for name, term in self._terms]
+        rows = [sloping(term.corners, variable.low, variable.high) for variable, term in pairs]
+        return np.array(rows).T[..., np.newaxis]
+
+    def _membership(self, x: Floats, method: str) -> Floats:
+        """Return one row of memberships per term in use, NaN where its variable is missing."""
+        low, high, lowest, highest = self._limits
+        x[~((x >= lowest) & (x <= highest))] = nan
+        if method != "crisp":
+            x = x.clip(low, high)
+        x = x[self._places]
         if method == "fuzzy":
-            return self.ramps.strengths(x, doubtful=doubtful)
-        return compare(
-            self.variables, self.rules, x, midpoint=method == "midpoint", doubtful=doubtful
-        )
+            return trapezoid(x, *self._trapezoids)
+        terms = [self[name][term] for name, term in self._terms]
+        intervals = [term.midpoint if method == "midpoint" else term.crisp for term in terms]
+        holds = [interval.contains(row) for interval, row in zip(intervals, x, strict=True)]
+        membership = np.array(holds, float)
+        membership[np.isnan(x)] = nan
+        return membership
 
     def decide(
         self,
@@ -240,15 +249,12 @@ class RuleBase:
         ``a in b`` means that b fires whenever a does; the other relations are ``b in a``, ``equal``
         and ``overlap``. `method` is ``crisp`` or ``midpoint``.
         """
-        names = {
-            (True, True): "equal", (True, False): "a in b", (False, True): "b in a",
-            (False, False): "overlap",
-        }  # fmt: skip
         rows, counts = [], self._overlap_counts(method)
         for (i, a), (j, b) in combinations(enumerate(self.codes), 2):
-            both, only_a, only_b = counts[i, j], counts[i, i], counts[j, j]
+            both, of_a, of_b = counts[i, j], counts[i, i], counts[j, j]
+            one_way = "a in b" if both == of_a else "b in a" if both == of_b else "overlap"
             if both:
-                rows.append((a, b, names[bool(both == only_a), bool(both == only_b)]))
+                rows.append((a, b, "equal" if of_a == both == of_b else one_way))
         return pd.DataFrame(rows, columns=["a", "b", "relation"])
 
     def plot_overlaps(self, ax: Axes | None = None) -> Axes:
@@ -322,8 +328,8 @@ class RuleBase:
         total = area.sum(axis=-1)
         number = np.full(total.shape, np.nan)
         np.divide(area @ np.arange(1, len(self.rules) + 1), total, out=number, where=total > 0)
-        place = np.ceil(np.nan_to_num(number, nan=1.0) - 0.5).astype(int) - 1
-        nearest = np.array(self.codes, dtype=object)[place]
+        rule = np.ceil(np.nan_to_num(number, nan=1.0) - 0.5).astype(int) - 1
+        nearest = np.array(self.codes, dtype=object)[rule]
         decided = firing.decide().table()[["active", "top"]]
         return decided.assign(centroid=number, nearest=np.where(total > 0, nearest, decided["top"]))
 
@@ -333,7 +339,30 @@ class RuleBase:
         Each variable in use becomes an antecedent with 101 points and its terms' corners. Each rule
         becomes a consequent that is named after the rule's code and has the single term ``on``.
         """
-        return control_system(self.variables, self.rules)
+        from skfuzzy import control
+        from skfuzzy.membership import trapmf
+
+        antecedents = {}
+        for name in dict(self._terms):
+            variable = self[name]
+            grid = np.linspace(variable.low, variable.high, 101)
+            corners = np.array([term.corners for term in variable.terms]).reshape(-1)
+            # The membership functions are linear between their corners.
+            within = (corners > variable.low) & (corners < variable.high)
+            universe = np.union1d(grid, corners[within])
+            antecedents[name] = control.Antecedent(universe, name)
+            for term in variable.terms:
+                # trapmf has no open shoulders; a corner outside the universe has the same effect.
+                corners = np.clip(term.corners, universe[0] - 1, universe[-1] + 1)
+                antecedents[name][term.name] = trapmf(universe, corners)
+        rules = []
+        # Each rule has its own consequent, because rules that share one would hide each other.
+        for rule in self.rules:
+            consequent = control.Consequent(np.array([0.0, 0.5, 1.0]), rule.code)
+            consequent["on"] = np.array([0.0, 0.5, 1.0])
+            terms = (antecedents[name][term] for name, term in rule.antecedent)
+            rules.append(control.Rule(reduce(and_, terms), consequent["on"], label=rule.code))
+        return control.ControlSystem(rules)
 
 
 @dataclass(frozen=True, eq=False)
@@ -372,8 +401,7 @@ class Firing:
     applies: Mapping[str, Bools] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        n = self.strength[..., 0].size
-        return f"Firing({n} sample{'s' if n != 1 else ''}, {len(self.base.rules)} rules)"
+        return f"Firing({self.strength[..., 0].size} samples, {len(self.base.rules)} rules)"
 
     @cached_property
     def missing(self) -> Bools:
@@ -391,14 +419,14 @@ class Firing:
             flags.append(((x < low) | (x > high)) & self.applies.get(variable.name, True))
         return np.stack(flags, axis=-1)
 
-    @cached_property
+    @property
     def normal(self) -> Floats:
         """Strength of "no fault", at least: 1 minus the greatest possible strength."""
         return np.asarray(1 - self.possible.max(axis=-1))
 
     def __getitem__(self, code: str) -> Floats:
         """Return the strength of one rule for each sample."""
-        return np.asarray(self.strength[..., self.base.codes.index(self.base.rule(code).code)])
+        return np.asarray(self.strength[..., self.base.rules.index(self.base.rule(code))])
 
     def decide(self, *, threshold: float = 0.5, k: int = 1, n: int = 1) -> Decision:
         """Return the decision: the rules that fired in `k` or more of the last `n` samples.
@@ -487,8 +515,8 @@ class Decision:
         if self.active.size == len(self.firing.base.codes):
             return f"Decision({self.explain(*(0 for _ in shape))})"
         codes, counts = np.unique(self.top.astype(str), return_counts=True)
-        said = ", ".join(f"{n} {code}" for code, n in zip(codes, counts, strict=True))
-        return f"Decision({int(np.prod(shape))} samples: {said})"
+        top = ", ".join(f"{n} {code}" for code, n in zip(codes, counts, strict=True))
+        return f"Decision({int(np.prod(shape))} samples: {top})"
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
@@ -509,17 +537,13 @@ class Decision:
         if self.active.ndim > 2:
             raise ArgumentError(f"active has {self.active.ndim} axes; at most two fit in a table")
         firing, top = self.firing, np.atleast_1d(self.top)
-        rows = zip(top, np.atleast_2d(firing.strength), np.atleast_1d(firing.normal), strict=True)
-        strength = [
-            {NORMAL: normal, UNDETERMINED: nan, **dict(zip(firing.base.codes, row, strict=True))}[
-                code
-            ]
-            for code, row, normal in rows
-        ]
+        strength = np.where(top == NORMAL, firing.normal, nan)
+        of_top = top[:, np.newaxis] == np.array(firing.base.codes, dtype=object)
+        strength[of_top.any(axis=1)] = np.atleast_2d(firing.strength)[of_top]
         return pd.DataFrame(
             {
                 "top": top,
-                "strength": np.array(strength, dtype=float),
+                "strength": strength,
                 "active": firing.base.active_codes(np.atleast_2d(self.active)),
                 "open": firing.base.active_codes(np.atleast_2d(self.open)),
                 "missing": [self._sensors(row) for row in np.atleast_2d(firing.missing)],
@@ -543,8 +567,8 @@ class Decision:
             parts.append(self._reason(base.rule(top), place))
             others = [code for code in self.codes(*index) if code != top]
             if others:
-                said = (f"{code} {firing[code][place]:.2f}" for code in others)
-                parts.append(f"also {', '.join(said)}")
+                texts = (f"{code} {firing[code][place]:.2f}" for code in others)
+                parts.append(f"also {', '.join(texts)}")
             higher = [code for code in opened if base.ranking.index(code) < base.ranking.index(top)]
             if higher:
                 parts.append(f"cannot exclude {' '.join(higher)}")
@@ -556,27 +580,29 @@ class Decision:
                 parts.append(f"closest {self._reason(closest, place)}")
         missing, outside = firing.missing[place], firing.out_of_range[place]
         if top == UNDETERMINED:
-            decides = base.users[:, self.open[place]].any(axis=1)
+            opened_rules = compress(base.rules, self.open[place])
+            decisive = {name for rule in opened_rules for name in rule.variables}
+            decides = np.isin(base.names, list(decisive))
             missing, outside = missing & decides, outside & decides
             if not (missing | outside).any():
                 parts.append("missing earlier readings")
         if missing.any():
             parts.append(f"missing {self._sensors(missing)}")
         if outside.any():
-            said = (
+            texts = (
                 self._reading(variable, place) for variable in compress(base.variables, outside)
             )
-            parts.append(f"out of range {', '.join(said)}")
+            parts.append(f"out of range {', '.join(texts)}")
         return "; ".join(parts)
 
     def _reason(self, rule: Rule, place: tuple[int, ...]) -> str:
-        said = []
+        conditions = []
         for variable, term in self.firing.base.terms_of(rule):
             x = self.firing.values[variable.name][place]
-            degree = Ramps([variable], [[(variable.name, term.name)]]).strengths(np.full((1, 1), x))
+            degree = term.membership(np.clip(x, variable.low, variable.high))
             label = term.english or term.name
-            said.append(f"{self._reading(variable, place)} {label} {degree[0, 0]:.2f}")
-        return f"{rule.code} {self.firing[rule.code][place]:.2f}: {', '.join(said)}"
+            conditions.append(f"{self._reading(variable, place)} {label} {degree:.2f}")
+        return f"{rule.code} {self.firing[rule.code][place]:.2f}: {', '.join(conditions)}"
 
     def _reading(self, variable: Variable, place: tuple[int, ...]) -> str:
         return f"{variable.name} {self.firing.values[variable.name][place]:.4g} {variable.unit}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, isfinite, isnan
@@ -81,19 +82,19 @@ class Interval:
 
 def parse_comparison(crisp: str) -> Interval:
     """Return the values for which a comparison such as ``0 < x <= 2.5`` holds."""
-    found = _COMPARISON.fullmatch(crisp.strip()) if isinstance(crisp, str) else None
-    both = found and found["low"] and found["sign"] in (">", ">=", "==")
-    if not found or both or not (found["low"] or found["sign"]):
+    match = _COMPARISON.fullmatch(crisp.strip()) if isinstance(crisp, str) else None
+    both = match and match["low"] and match["sign"] in (">", ">=", "==")
+    if not match or both or not (match["low"] or match["sign"]):
         raise ArgumentError(
             f"crisp is {crisp!r}; it must be an Interval, or text like x > 120 or 0 < x <= 2.5"
         )
-    low, high = float(found["low"] or -inf), inf
-    low_closed, high_closed = found["from"] == "<=", False
-    if found["sign"]:
-        end, closed = float(found["end"]), found["sign"] not in ("<", ">")
-        if found["sign"][0] in ">=":
+    low, high = float(match["low"] or -inf), inf
+    low_closed, high_closed = match["from"] == "<=", False
+    if match["sign"]:
+        end, closed = float(match["end"]), match["sign"] not in ("<", ">")
+        if match["sign"][0] in ">=":
             low, low_closed = end, closed
-        if found["sign"][0] in "<=":
+        if match["sign"][0] in "<=":
             high, high_closed = end, closed
     return Interval(low, high, low_closed, high_closed)
 
@@ -164,22 +165,37 @@ class Term:
         return Interval(low, high, a > -inf, d < inf)
 
     def membership(self, x: npt.ArrayLike) -> Floats:
-        """Return the degree of membership of each value, 0..1, by `skfuzzy.trapmf`; 0 for NaN."""
-        # Importing scikit-fuzzy takes 0.4 s, so firing a rule base does not require it.
-        from skfuzzy.membership import trapmf
+        """Return the degree of membership of each value, 0..1; 0 for NaN."""
+        _, b, c, _ = self.corners
+        # Beyond an open shoulder, a value counts as the other end of the shoulder.
+        low, high = (c if b == -inf else -inf), (b if c == inf else inf)
+        within = np.clip(np.asarray(x, dtype=float), low, high)
+        degree = trapezoid(within, *sloping(self.corners, low, high))
+        return np.where(np.isnan(within), 0.0, degree)
 
-        values = np.asarray(x, dtype=float)
-        a, b, c, d = self.corners
-        # trapmf has no open shoulders, so clip the values to the shoulder on the closed side.
-        if a == -inf:
-            a = b = c
-            values = np.maximum(values, c)
-        if d == inf:
-            c = d = b
-            values = np.minimum(values, b)
-        # trapmf accepts one axis only and gives NaN full membership.
-        degree = trapmf(values.reshape(-1), [a, b, c, d]).reshape(values.shape)
-        return np.where(np.isnan(values), 0.0, degree)
+
+def trapezoid(
+    x: Floats, a: npt.ArrayLike, b: npt.ArrayLike, c: npt.ArrayLike, d: npt.ArrayLike
+) -> Floats:
+    """Return the membership of each value: it rises from a to b and falls from c to d."""
+    rising = (x.clip(a, b) - a) / np.subtract(b, a)
+    falling = (d - x.clip(c, d)) / np.subtract(d, c)
+    return np.asarray(np.minimum(rising, falling))
+
+
+def sloping(corners: Sequence[float], low: float, high: float) -> tuple[float, ...]:
+    """Return the corners of a trapezoid without steps that has the same memberships in low..high.
+
+    The sides of a step become neighbouring numbers, and an open shoulder begins at low or high.
+    """
+    a, b, c, d = corners
+    if a == b:
+        b = max(b, low)
+        a = float(np.nextafter(b, -inf))
+    if c == d:
+        c = min(c, high)
+        d = float(np.nextafter(c, inf))
+    return a, b, c, d
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,19 +273,20 @@ class Variable:
     def cells(self, method: str) -> list[float]:
         """Return one value for each combination of terms that can hold at once."""
         intervals = [term.midpoint if method == "midpoint" else term.crisp for term in self.terms]
-        ends = {end for one in intervals for end in (one.low, one.high)} | {self.low, self.high}
-        edges = sorted(end for end in ends if self.low <= end <= self.high)
+        ends = {end for interval in intervals for end in (interval.low, interval.high)}
+        inside = {end for end in ends if self.low < end < self.high}
+        edges = [self.low, *sorted(inside), self.high]
         middles = [(a + b) / 2 for a, b in pairwise(edges)]
         points = np.array(sorted([*edges, *middles]))
         # A point inside a cell represents the cell better than a point on its edge.
         inner = np.isin(points, middles)
-        holds = np.stack([one.contains(points) for one in intervals], axis=1)
-        found: dict[tuple[bool, ...], int] = {}
+        holds = np.stack([interval.contains(points) for interval in intervals], axis=1)
+        chosen: dict[tuple[bool, ...], int] = {}
         for place, row in enumerate(holds.tolist()):
             key = tuple(row)
-            if key not in found or (inner[place] and not inner[found[key]]):
-                found[key] = place
-        return sorted(float(points[place]) for place in found.values())
+            if key not in chosen or (inner[place] and not inner[chosen[key]]):
+                chosen[key] = place
+        return sorted(float(points[place]) for place in chosen.values())
 
     def plot(self, ax: Axes | None = None, *, crisp: bool = True) -> Axes:
         """Draw the membership functions; `crisp` adds the comparisons' limits as dashed lines."""
@@ -342,12 +359,9 @@ class Rule:
         check_fields(self)
         if check_word("code", self.code) in (NORMAL, UNDETERMINED):
             raise ArgumentError(f"code is {self.code!r}, which is reserved for when no rule fires")
-        given: Any = self.antecedent
-        parts = (
-            [one.strip().split(".") for one in given.split("&")]
-            if isinstance(given, str)
-            else given
-        )
+        parts: Any = self.antecedent
+        if isinstance(parts, str):
+            parts = [pair.strip().split(".") for pair in parts.split("&")]
         try:
             pairs = [(variable, term) for variable, term in parts]
         except (TypeError, ValueError):

@@ -54,7 +54,7 @@ _TAIL, _HEADER = 10, 2000
 _NUMBER = r"[+-]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][+-]?[0-9]+)?"
 _IS_NUMBER = re.compile(rf"{_NUMBER}|[+-]?inf", re.ASCII)
 _QUANTITY = re.compile(rf"(?:[^:=]*[:=])?\s*({_NUMBER})\s*([a-zµμ/]*)", re.ASCII | re.IGNORECASE)
-_UNIT_IN_TITLE = re.compile(r"(.*?)\s*(?:[(\[]([^()\[\]]*)[)\]]|\bin\s+(\S+))\s*")
+_UNIT_IN_TITLE = re.compile(r"(.*)(?:[(\[]([^()\[\]]*)[)\]]|\bin\s+(\S+))\s*")
 _INTERVAL = re.compile(
     r"(sampl\w*\s+(interval|period)|time\s+(interval|increment)|(x\s*|t)?inc(rement)?"
     r"|interval|delta\s*t|dt)\b"
@@ -758,7 +758,7 @@ def _columns(header: list[list[str]], places: tuple[int, ...]) -> list[_Column]:
     for index, title, unit in zip(places, titles, units, strict=True):
         inside = _UNIT_IN_TITLE.fullmatch(title)
         if unit is None and inside and (unit := _unit(inside[2] or inside[3] or "")):
-            title = inside[1]
+            title = inside[1].rstrip()
         columns.append(_Column(index + 1, title.lstrip("# "), *(unit or ("", 1.0))))
     return columns
 

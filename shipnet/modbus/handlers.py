@@ -20,6 +20,8 @@ from shipnet.modbus.wire import Wire
 
 Respond = Callable[[Adu], Answer]
 
+_LOG = logging.getLogger("shipnet.modbus.server")
+
 _QUOTA = 4  #: Maximum number of requests of a client that are answered in one turn.
 _READ = 4096  #: Maximum number of bytes per read from a client; they are processed before the next.
 
@@ -29,8 +31,9 @@ _HELD_BACK, _ALL_HELD_BACK = 256, 1 << 15
 _UNSENT = 1 << 16  #: Size of unsent responses above which a client is disconnected [byte].
 _APART = 1e-6  #: Time between timers that must fire in order [s].
 
-#: Largest number of TCP connections, and the time after which an idle one is closed [s].
-_CLIENTS, _IDLE = 128, 600.0
+#: Largest number of TCP connections, and the time without requests after which one is closed [s]:
+#: always, and when another client connects beyond the largest number.
+_CLIENTS, _IDLE, _REPLACED = 128, 600.0, 10.0
 _SILENCE = 0.05  #: Incomplete serial frames are dropped after this silence, or t3.5 if longer [s].
 
 #: Bytes of a TCP frame up to the end of its length field; shortest and longest legal length.
@@ -132,20 +135,22 @@ class _TcpHandler(_Handler, BufferedProtocol):
         super().__init__(listener)
         self.space = bytearray(_READ)
         self.in_turn = False
-        self.last_request = self.loop.time()
+        self.last_request, self.has_requested = self.loop.time(), False
         self.timer = self.loop.call_later(_IDLE, self._end_if_idle)
 
     def connection_made(self, transport: Any) -> None:
-        """Start, or close the connection if too many are open; log the first such refusal."""
-        full = len(self.listener.handlers) >= _CLIENTS
-        if full and not self.listener.refuses:
-            message = "connections are refused: %d clients are connected"
-            logging.getLogger("shipnet.modbus.server").warning(message, _CLIENTS)
-        self.listener.refuses = full
-        if full:
-            transport.close()
-        else:
-            super().connection_made(transport)
+        """Start, in the place of the client that is silent longest if too many are connected."""
+        others = self.listener.handlers
+        if len(others) >= _CLIENTS:
+            silent = min(others, key=lambda one: (one.has_requested, one.last_request))
+            busy = silent.held_back or self.loop.time() - silent.last_request < _REPLACED
+            if silent.has_requested and busy:
+                self.listener.refuse()
+                transport.close()
+                return
+            silent.transport.abort()
+            silent.connection_lost(None)
+        super().connection_made(transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop the idle timer."""
@@ -175,7 +180,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
             if not frame:
                 self.transport.resume_reading()
                 return
-            self.last_request = self.loop.time()
+            self.last_request, self.has_requested = self.loop.time(), True
             with suppress(FrameError):  # frames of other protocols are ignored
                 self.reply(decode(frame, "tcp"))
         self.transport.pause_reading()
@@ -257,10 +262,10 @@ class _RtuHandler(_Handler, Protocol):
 
 
 class TcpListener(Listener):
-    """A listener for a limited number of TCP clients."""
+    """A listener for a limited number of TCP clients; it counts the connections that it refuses."""
 
     server: Server | None = None
-    refuses = False
+    refused = 0
 
     async def listen(self) -> None:
         """Bind all addresses of the host, and accept connections."""
@@ -268,10 +273,18 @@ class TcpListener(Listener):
         self.server = await loop.create_server(lambda: _TcpHandler(self), *self.address)
         self.port = self.server.sockets[0].getsockname()[1]
 
+    def refuse(self) -> None:
+        """Count a refused connection, and log the first one."""
+        self.refused += 1
+        if self.refused == 1:
+            _LOG.warning("connections are refused: %d clients are connected", _CLIENTS)
+
     def close(self) -> None:
-        """Stop accepting clients, and close all connections."""
+        """Stop accepting clients, close all connections, and log how many were refused."""
         if self.server is not None:
             self.server.close()
+        if self.refused:
+            _LOG.warning("connections refused in all: %d", self.refused)
         super().close()
 
 

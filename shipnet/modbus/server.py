@@ -210,11 +210,13 @@ def serve(
     serial line an incomplete frame is dropped after a silence of 50 ms, or t3.5 if that is longer,
     because adapters and drivers may pass on the bytes of a frame in portions.
 
-    Up to 128 TCP connections can be open; any further one is closed at once. A connection without
-    requests is closed after 10 minutes. TCP clients take turns of at most four requests. A client
-    that leaves more than 64 KiB of responses unread is disconnected; while 256 responses to it are
-    delayed, its further requests wait. Datagrams share one queue; they are dropped when it is full,
-    and also while 256 responses to their sender or 32768 responses in all are delayed.
+    Up to 128 TCP connections can be open. A further one replaces a client that has sent no request
+    yet, or none for 10 s; if there is no such client, it is refused and counted in the log. A
+    connection without requests is closed after 10 minutes. TCP clients take turns of at most four
+    requests. A client that leaves more than 64 KiB of responses unread is disconnected; while 256
+    responses to it are delayed, its further requests wait. Datagrams share one queue; they are
+    dropped when it is full, and also while 256 responses to their sender or 32768 responses in all
+    are delayed.
 
     Examples
     --------

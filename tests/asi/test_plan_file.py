@@ -319,6 +319,13 @@ def test_the_submarine_of_kim2023():
     assert max(segment.reach for segment in plan.segments) == 168
 
 
+def test_the_ballast_plan_as_a_user_would_write_it():
+    plan = read_plan(datasets.path("synthetic_asi_plan_ballast.csv"))
+    assert [slave.label for slave in plan.slaves] == ["1", "2", "3", "4", "5A", "5B"]
+    assert plan.segments[0].length == 81
+    assert plan.check(wanted_cycle=5e-3).ok
+
+
 # Plans as yards write them.
 
 

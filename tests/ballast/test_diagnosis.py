@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.plant import FAULTS, Command, Fault
+from shipnet.ballast.plant import Command, Fault
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import CHANNELS, position_speed
@@ -33,47 +33,30 @@ def pieces(size):
     yield from blocks(5, ORDERS, faults=FAULTY, until=45, idle_step=0.5, rng=7, size=size)
 
 
-@pytest.mark.parametrize("reading", METHODS)
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("size", [2, 11, 97])
-def test_diagnosis_in_blocks_equals_that_of_the_whole_run(reading, size):
-    rules = rule_base(slow_stroke=10)
-    whole = diagnose_run(noisy(), rules, method=reading)
-    tail, active, alarms, samples = None, [], [], []
+def test_diagnosis_in_blocks_equals_that_of_the_whole_run(method, size):
+    run, rules = noisy(), rule_base(slow_stroke=10)
+    # Two sensors have outages.
+    run.readings[40:90, 0] = np.nan
+    run.readings[::3, 3] = np.nan
+    whole, tail, start, alarms = diagnose_run(run, rules, method=method), None, 0, []
     for piece in pieces(size):
-        found = diagnose_run(piece, rules, method=reading, earlier=tail)
-        tail = found.tail
-        active.append(found.active)
-        samples.append(np.stack(list(found.samples.values())))
-        alarms += found.alarms().values.tolist()
-    expected = np.stack(list(whole.samples.values()))
-    np.testing.assert_array_equal(np.concatenate(samples, axis=1), expected)
-    np.testing.assert_array_equal(np.concatenate(active), whole.active)
-    assert alarms == whole.alarms().values.tolist()
-    assert len(alarms) > 3
+        rows = slice(start, start + piece.time.size)
+        piece.readings[:] = run.readings[rows]
+        part = diagnose_run(piece, rules, method=method, earlier=tail)
+        for name, values in part.samples.items():
+            np.testing.assert_array_equal(values, whole.samples[name][rows])
+        for name in ("active", "open", "top"):
+            np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[rows])
+        alarms += part.alarms().values.tolist()
+        tail, start = part.tail, rows.stop
+    assert whole.open.any() and start == run.time.size
+    assert alarms == whole.alarms().values.tolist() and len(alarms) > 3
 
 
 def noisy():
     return simulate(5, ORDERS, faults=FAULTY, until=45, idle_step=0.5, rng=7)
-
-
-def test_persistence_counts_the_last_samples_of_each_valve():
-    run = noisy()
-    single = diagnose_run(run, k=1, n=1).active
-    for k, n in [(1, 3), (3, 5), (4, 4)]:
-        several = diagnose_run(run, k=k, n=n).active
-        for row in [0, 1, n - 1, n, 100, len(run.time) - 1]:
-            counted = single[max(row - n + 1, 0) : row + 1].sum(axis=0)
-            np.testing.assert_array_equal(several[row], counted >= k)
-
-
-def test_fuzzy_with_threshold_one_half_equals_midpoint_but_not_crisp():
-    run = noisy()
-    fuzzy, crisp, literal = (
-        diagnose_run(run, method=r).active for r in ("fuzzy", "midpoint", "crisp")
-    )
-    np.testing.assert_array_equal(fuzzy, crisp)
-    assert (fuzzy != literal).any()
-    assert (diagnose_run(run, threshold=0.9).active != fuzzy).any()
 
 
 def test_each_valve_and_instant_alone_gives_the_same():
@@ -109,13 +92,6 @@ def test_trapped_pressure_at_rest_looks_like_a_leak_only_if_dvpos_always_counts(
     meant, literal = (diagnose_run(run, method=r).active[-1, 0] for r in ("midpoint", "crisp"))
     assert not meant.any()
     assert literal[BASE.codes.index("V2")]
-
-
-def test_dvpos_does_not_count_once_the_target_is_reached_or_the_motor_has_stopped():
-    run = noisy()
-    given = diagnose_run(run).samples["DVPos"]
-    assert np.isnan(given[~run.active | ~run.running]).all()
-    assert np.isfinite(given).any()
 
 
 def test_alarms_and_explanations_name_the_same_codes():
@@ -225,40 +201,11 @@ def test_a_dead_sensor_makes_a_healthy_stroke_undetermined(name, codes, missing)
     assert title == "diagnosis of valve 1: undetermined"
 
 
-def test_a_single_lost_reading_cannot_hide_a_persistent_fault():
-    run = simulate(1, [Command("open", 3.0)], until=25, rng=1)
-    assert set(diagnose_run(without(run, "OT", 5.0, 5.1)).top[:, 0]) == {"normal"}
-    assert "undetermined" in diagnose_run(without(run, "OT", 5.0, 5.1), k=1, n=1).top
-
-
-def test_a_broken_wire_is_out_of_range_and_not_a_leaking_pump():
-    run = without(simulate(1, [Command("open", 3.0)], until=25, rng=1), "FP", 5.0, 8.0, -40.0)
-    diagnosis = diagnose_run(run)
-    assert not diagnosis.active.any()
-    assert diagnosis.explain(1, 7.0).endswith("out of range FP -40 bar")
-
-
 def test_without_the_current_it_is_unknown_whether_the_speed_applies():
     run = without(simulate(1, until=5), "MC", 2.0, 4.0)
     run = replace(run, readings=run.readings + np.array([0, 2.0, 0, 0, 0])[:, np.newaxis])
     diagnosis = diagnose_run(run)
     assert diagnosis.open[30, 0, BASE.codes.index("V2")] and not diagnosis.open[15].any()
-
-
-@pytest.mark.parametrize("size", [2, 11, 97])
-def test_an_outage_is_diagnosed_in_blocks_as_in_the_whole_run(size):
-    whole = simulate(5, ORDERS, faults=FAULTY, until=45, idle_step=0.5, rng=7)
-    whole.readings[40:90, 0] = np.nan
-    whole.readings[::3, 3] = np.nan
-    expected, tail, start = diagnose_run(whole), None, 0
-    for piece in pieces(size):
-        rows = slice(start, start + piece.time.size)
-        piece.readings[:] = whole.readings[rows]
-        found = diagnose_run(piece, earlier=tail)
-        np.testing.assert_array_equal(found.open, expected.open[rows])
-        np.testing.assert_array_equal(found.top, expected.top[rows])
-        tail, start = found.tail, rows.stop
-    assert expected.open.any() and start == whole.time.size
 
 
 @pytest.mark.parametrize(
@@ -299,14 +246,3 @@ def test_an_unknown_instant_or_valve_is_named():
         diagnosis.explain(2, 0.0)
     with pytest.raises(ArgumentError, match="valve is 0"):
         diagnosis.firing(0)
-
-
-def test_every_fault_at_full_severity_is_named_by_its_code():
-    codes = list(FAULTS)
-    faults = [Fault(code, valves=valve + 1) for valve, code in enumerate(codes)]
-    orders = [Command("open", 5.0), Command("close", 35.0)]
-    run = simulate(13, orders, until=65, faults=faults, idle_step=0.5, rng=np.random.default_rng(3))
-    active = diagnose_run(run).active.any(axis=0)
-    for valve, code in enumerate(codes):
-        assert active[valve, BASE.codes.index(code)], code
-    assert not active[12].any()

@@ -61,8 +61,15 @@ def test_pandas_reads_one_file_per_day_and_block(fleet):
     assert set(samples["valve"]) == set(range(1, 56))
     channels = [channel.column for channel in CHANNELS]
     assert list(samples) == [
-        "valve", "time", *channels, "running", "active", "label", "severity", "day",
-    ]  # fmt: skip
+        "valve",
+        "time",
+        *channels,
+        "running",
+        "active",
+        "label",
+        "severity",
+        "day",
+    ]
     assert (samples["time"].dt.strftime("%Y-%m-%d") == samples["day"].astype(str)).all()
     for _, mine in samples.groupby("valve"):
         assert mine["time"].is_monotonic_increasing and mine["time"].is_unique
@@ -85,8 +92,9 @@ def test_labels_are_those_of_the_faults(fleet):
             mine = (rows["valve"] == valve) & (seconds >= begin - 1e-3) & (seconds < end - 1e-3)
             expected[mine] = code
             # After two days a fault that grows for five or more is in its first two steps.
-            assert set(rows["severity"][mine]) <= ({np.float32(0.2), np.float32(0.4)} if grows
-                                                   else {1.0})  # fmt: skip
+            assert set(rows["severity"][mine]) <= (
+                {np.float32(0.2), np.float32(0.4)} if grows else {1.0}
+            )
         assert (rows["label"].astype(str) == expected).all()
         assert ((rows["severity"] > 0) == (rows["label"] != "")).all()
 

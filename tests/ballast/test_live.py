@@ -6,7 +6,7 @@ import pytest
 
 from shipnet.ballast.diagnosis import Recorder, diagnose_run
 from shipnet.ballast.live import TestBed as Bed
-from shipnet.ballast.live import _diagnosis_of, _manual, _remote, acceptance_tests
+from shipnet.ballast.live import _diagnosis, _manual, _remote, acceptance_tests
 from shipnet.ballast.plant import FAULTS, Command, Plant
 from shipnet.ballast.simulation import simulate
 from shipnet.errors import ArgumentError
@@ -29,8 +29,9 @@ def test_the_slaves_find_all_twelve_faults_and_no_others(accepted):
     screens = table[1::2].set_index("step")
     assert screens.loc["screen with V1", ["expected", "found"]].tolist() == ["fault 4", "fault 4"]
     assert screens["expected"].iloc[-2:].tolist() == [
-        "fault 11 or fault 6 or fault 9", "fault 12 or fault 7 or fault 10",
-    ]  # fmt: skip
+        "fault 11 or fault 6 or fault 9",
+        "fault 12 or fault 7 or fault 10",
+    ]
     found = [f"fault {row}" for row in (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 6, 7)]
     assert sorted(screens["found"]) == sorted(["open", *found])
 
@@ -39,7 +40,7 @@ def test_a_slave_that_finds_nothing_or_reports_another_row_does_not_pass(monkeyp
     for wrong, left in ((0, None), (8, "O1")):
         monkeypatch.setattr("shipnet.ballast.slave.Monitor.row", lambda *_, row=wrong: row)
         for code in (None, "V1", "O1"):
-            _, screen = _diagnosis_of(Bed, code)
+            _, screen = _diagnosis(Bed, code)
             assert screen.passed == (code == left)
 
 

@@ -152,10 +152,7 @@ def test_the_scan_gap_of_a_command_has_the_closed_form(n):
 
 
 def test_position_codes_depend_on_the_position_shown():
-    orders = [
-        Command(60, 1.0, valves=1),
-        Command(20, 10.0, valves=1),
-    ]
+    orders = [Command(60, 1.0, valves=1), Command(20, 10.0, valves=1)]
     valves = plant(2)
     run = operate(valves, orders, until=20)
     assert run.commands["value"].tolist() == [f"0x{60:02X}0A", f"0x{20:02X}06"]
@@ -221,10 +218,19 @@ def test_a_pc_sees_the_last_scan_and_commands_through_the_master():
         ),
         max_size=6,
     ),
-    st.lists(st.sampled_from([Break(0, start=2.0), Break(3, start=1.0, stop=4.0),
-        DeadSlave(2, start=3.0), DeadPort("B")]),
-             max_size=2, unique=True),
-)  # fmt: skip
+    st.lists(
+        st.sampled_from(
+            [
+                Break(0, start=2.0),
+                Break(3, start=1.0, stop=4.0),
+                DeadSlave(2, start=3.0),
+                DeadPort("B"),
+            ]
+        ),
+        max_size=2,
+        unique=True,
+    ),
+)
 def test_transactions_never_overlap(orders, faults):
     commands = [
         Command(50 if action == "position" else action, time, valves=valve + 1)

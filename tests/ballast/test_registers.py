@@ -123,10 +123,7 @@ def test_any_command_is_understood_or_refused_by_name(value, map_):
     [
         (lambda: RegisterMap("table 1"), "status is 'table 1'"),
         (lambda: RegisterMap().encode(np.zeros((4, 1)), **REST), "shape"),
-        (
-            lambda: RegisterMap().encode(np.zeros((5, 1)), **REST, fault=13),
-            "fault is 13",
-        ),
+        (lambda: RegisterMap().encode(np.zeros((5, 1)), **REST, fault=13), "fault is 13"),
         (lambda: RegisterMap().decode([[0, 0, 0]]), "rows of four"),
         (lambda: RegisterMap().decode([[0, 0, 0, 65536]]), r"0\.\.65535"),
         (lambda: RegisterMap().command(Code.POSITION_OPEN, 101), "position is 101"),

@@ -5,7 +5,7 @@ from shipnet.ballast.diagnosis import Recorder
 from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import WINDOW, position_speed
-from shipnet.ballast.simulation import blocks, simulate
+from shipnet.ballast.simulation import simulate
 
 
 @pytest.mark.parametrize("step", [0.1, 0.25, 0.3, 0.4, 1.0])
@@ -22,15 +22,6 @@ def test_simulation_and_recorder_have_the_same_speed_at_any_step(step):
     # The first valid speed is that of the first instant at least a second after the start.
     assert np.flatnonzero(np.isfinite(theirs))[0] == np.ceil(WINDOW / step - 1e-6)
     assert theirs[np.isfinite(theirs)] == pytest.approx(11.11, abs=0.1)
-
-
-@pytest.mark.parametrize("size", [1, 3, 50])
-def test_blocks_have_the_speed_of_the_whole_run(size):
-    orders = [Command("open", 1.0), Command("close", 6.0)]
-    rng = np.random.default_rng
-    whole = simulate(System(step=0.3), orders, until=12, idle_step=1.0, rng=rng(1)).DVPos
-    parts = blocks(System(step=0.3), orders, until=12, rng=rng(1), size=size)
-    np.testing.assert_allclose(np.concatenate([run.DVPos for run in parts]), whole)
 
 
 def test_the_speed_at_uneven_instants_is_divided_by_the_elapsed_time():

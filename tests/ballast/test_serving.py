@@ -72,12 +72,6 @@ def test_a_valve_opens_and_closes_in_real_time_for_pymodbus(kind):
             assert client.write_register(0x4001, 7, device_id=4).exception_code == 3
 
 
-def test_a_fault_acts_on_its_valve_only():
-    fault = [Fault("Pos3", valves=2)]
-    with serve(2, faults=fault, speed=0) as server, connected("tcp", server.port) as client:
-        assert [status(client, unit).readings[4, 0] for unit in (1, 2)] == [0, 15]
-
-
 def test_the_valves_are_served_on_a_serial_line():
     require("pty", hasattr(os, "openpty"), "there are no pseudo-terminals")
     ours, theirs = os.openpty()
@@ -140,13 +134,6 @@ def test_a_wrong_option_is_reported_in_one_line(arguments, message, capsys):
     assert main(["serve", "ballast", "--port", "0", *arguments]) == 2
     error = capsys.readouterr().err
     assert message in error
-
-
-def test_the_help_says_what_a_pseudo_terminal_cannot_do(capsys):
-    with pytest.raises(SystemExit):
-        main(["serve", "--help"])
-    said = " ".join(capsys.readouterr().out.split())
-    assert "(pty) instead of a serial port has no parity: it needs --character 8N1" in said
 
 
 def test_a_fault_is_parsed_with_and_without_its_severity():

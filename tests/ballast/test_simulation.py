@@ -1,4 +1,4 @@
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,14 +40,6 @@ def test_a_stroke_of_varying_speed_also_takes_the_stroke_time():
     run = simulate(1, [Command("open")], until=20, faults=[Fault("V2", 0.8)])
     # With the speed at the start of each step the error would be 8 ms; at its middle it is 0.1 ms.
     assert run.strokes()["duration_s"][0] == pytest.approx(stroke_time(leaking)[0], abs=1e-3)
-
-
-def test_a_longer_step_changes_a_stroke_by_less_than_a_thousandth():
-    times = [
-        simulate(System(step=step), OPEN, until=15).strokes()["duration_s"][0]
-        for step in (0.01, 0.1, 0.5)
-    ]
-    assert times[1:] == pytest.approx(times[:1] * 2, rel=1e-3)
 
 
 @settings(max_examples=25)
@@ -100,12 +92,6 @@ def test_a_new_direction_begins_a_new_window():
     known = ~np.isnan(run.DVPos[:, 0])
     assert not known[(run.time >= 4.0) & (run.time < 4.95)].any()
     assert run.strokes()["outcome"].tolist() == ["replaced", "limit"]
-
-
-def test_the_same_seed_gives_the_same_run_and_another_seed_another():
-    runs = [simulate(1, OPEN, until=5, rng=np.random.default_rng(k)) for k in (1, 1, 2)]
-    assert np.array_equal(runs[0].readings, runs[1].readings)
-    assert not np.array_equal(runs[0].readings, runs[2].readings)
 
 
 @settings(max_examples=15)
@@ -212,17 +198,13 @@ def test_a_fault_meets_the_antecedent_of_its_own_rule_and_a_healthy_valve_does_n
     assert seen([]).max() == 0
 
 
-def test_a_fault_begins_at_its_time_on_its_valves_with_its_severity():
+def test_a_fault_begins_and_ends_at_its_times_on_its_valves_with_its_severity():
     fault = Fault("G1", [0.2, 1.0], start=3.0, valves=[3, 1])
     run = simulate(System(3, sensors=IDEAL), until=6, faults=[fault])
     before, after = run.samples["FP"][run.time < 2.95], run.samples["FP"][run.time > 2.95]
     assert (before == 0).all()
     assert after[0].tolist() == [125.0, 0.0, 25.0]
-
-
-def test_a_fault_ends_at_its_time():
-    fault = Fault("G1", start=2.0, stop=4.0)
-    run = simulate(System(sensors=IDEAL), until=6, faults=fault)
+    run = simulate(System(sensors=IDEAL), until=6, faults=replace(Fault("G1"), start=2.0, stop=4.0))
     wrong = run.samples["FP"][:, 0] > 0
     assert wrong.tolist() == [1.95 < t < 3.95 for t in run.time]
 
@@ -233,12 +215,6 @@ def test_faults_of_one_valve_add_up():
     assert sick.trapped[0] == 1
     twice, _ = faulty(Actuator(), [Fault("P2", 0.5), Fault("P2", 0.5)], 1)
     assert twice.pump_leak == pytest.approx(faulty(Actuator(), [Fault("P2")], 1)[0].pump_leak)
-
-
-def test_every_fault_of_the_rule_table_exists_and_changes_existing_numbers():
-    assert len(FAULTS) == 12
-    names = {field.name for field in fields(Actuator)} | {"FP", "OP", "MC", "OT", "VPos"}
-    assert {change.target for _, changes in FAULTS.values() for change in changes} <= names
 
 
 def test_the_motor_time_stops_a_valve_that_does_not_arrive():
@@ -254,13 +230,6 @@ def test_a_command_that_is_already_met_starts_no_motor():
     run = simulate(System(sensors=IDEAL), orders, until=4)
     assert not run.running.any()
     assert run.strokes().empty
-
-
-def test_the_tables_have_a_row_for_every_instant_and_valve():
-    run = simulate(3, OPEN, until=2)
-    assert run.table().shape == (3 * 21, 9)
-    assert run.valve(1).index.name == "time_s"
-    assert run.table().loc[1].equals(run.valve(1))
 
 
 @settings(max_examples=30)

@@ -71,13 +71,6 @@ def test_manual_mode_refuses_the_master_and_the_switch_needs_it():
     assert status(device, 20.0).readings[4, 0] == 0
 
 
-def test_code_manual_stops_the_motor():
-    device = ValveDevice(Plant())
-    write(device, Code.OPEN, 0.0)
-    write(device, Code.MANUAL, 3.0)
-    assert status(device, 10.0).readings[4, 0] == 33
-
-
 def test_the_watchdog_stops_a_valve_when_requests_cease():
     fed, starved = (ValveDevice(Plant(System(watchdog=2.0))) for _ in range(2))
     for device in (fed, starved):
@@ -90,14 +83,6 @@ def test_the_watchdog_stops_a_valve_when_requests_cease():
     assert ValveDevice(Plant()).plant.deadline[0] == inf
 
 
-def test_valves_of_one_plant_share_its_time_and_nothing_else():
-    slaves = valve_slaves(Plant(3))
-    write(slaves[2].device, Code.OPEN, 0.0)
-    positions = [status(slaves[k].device, 5.0).readings[4, 0] for k in (1, 2, 3)]
-    assert positions == [0, 56, 0]
-    assert status(slaves[2].device, 3.0).readings[4, 0] == 56
-
-
 def test_slaves_answer_as_the_standard_requires():
     slave = valve_slaves(Plant())[1]
     echo = Request.write_single_register(0x4001, MAP.command(Code.POSITION_OPEN, 40))
@@ -105,9 +90,13 @@ def test_slaves_answer_as_the_standard_requires():
     answer = Response.parse(slave.answer(READ.pdu, 2.0), READ)
     assert MAP.decode([answer.registers]).readings[4, 0] == 22
     exceptions = {
-        "03 4020 0004": 1, "04 4020 0005": 2, "04 401f 0001": 2, "06 4002 0001": 2,
-        "06 4001 0003": 3, "06 4001 650a": 3,
-    }  # fmt: skip
+        "03 4020 0004": 1,
+        "04 4020 0005": 2,
+        "04 401f 0001": 2,
+        "06 4002 0001": 2,
+        "06 4001 0003": 3,
+        "06 4001 650a": 3,
+    }
     for request, code in exceptions.items():
         pdu = bytes.fromhex(request)
         assert slave.answer(pdu) == bytes([pdu[0] | 0x80, code]), request
@@ -129,23 +118,6 @@ def test_a_slave_reports_its_fault_and_clipped_readings():
     seen = status(device, 0.4)
     assert device.monitor.base.active_codes(device.monitor.found) == ["S2 Pos4"]
     assert seen.readings[4, 0] == 0
-
-
-@pytest.mark.parametrize(("code", "row"), [("Pos1", 9), ("Pos2", 10), ("Pos3", 6), ("Pos4", 7)])
-def test_the_four_faults_of_the_position_are_found_by_the_slave(code, row):
-    slaves = valve_slaves(
-        Plant(System(3, opening=float(code in ("Pos1", "Pos3"))), [Fault(code, valves=2)]),
-    )
-    device = slaves[2].device
-    # Pos1 and Pos2 need a pressure that is trapped only by a stroke.
-    write(device, Code.CLOSE if device.plant.opening[1] else Code.OPEN, 0.0)
-    status(device, 25.0)
-    write(device, Code.OPEN if code in ("Pos1", "Pos3") else Code.CLOSE, 25.0)
-    for time in (60.0, 61.0, 62.0):
-        found = status(device, time).fault[0]
-    assert found == row
-    assert code in device.monitor.base.active_codes(device.monitor.found)[1].split()
-    assert [status(slaves[unit].device, 60.0).fault[0] for unit in (1, 3)] == [0, 0]
 
 
 def test_a_slave_finds_what_the_offline_diagnosis_of_the_same_readings_finds():

@@ -116,6 +116,22 @@ def test_every_frame_of_the_boat_is_right(boat):
     assert fast_packets(boat.log) == (1863, 13955, 0)
 
 
+def test_the_labels_of_the_board_are_not_bus_loads():
+    found = {name: read_capture(file) for name, file in BOARD.items()}
+    assert {name: len(capture.log) for name, capture in found.items()} == {
+        "25": 14,
+        "75": 107,
+        "extended": 5,
+    }
+    assert all(not capture.log.faults for capture in found.values())
+    starts = {name: np.median(np.diff(found[name].table()["start_s"])) for name in ("25", "75")}
+    assert starts["25"] / starts["75"] == pytest.approx(8, rel=1e-3)
+    loads = {name: found[name].loads()["load"] for name in ("25", "75")}
+    assert loads["25"]["with intermission"] < 0.004
+    assert loads["75"]["with intermission"] < 0.03
+    assert read_back(found["extended"])[0].extended
+
+
 def fast_packets(log):
     """Return the numbers of messages with several frames, of their frames, and of gaps in them."""
     messages = frames = breaks = 0

@@ -54,13 +54,14 @@ def check_points(design, settings):
     points, runs = design.points, design.cables
     ends = Counter(runs.loc[runs["kind"].isin(["drop", "home run"]), "b"])
     reasons = set(design.reasons["subject"])
+    line = dict(zip(design.devices["device"], design.devices["line"], strict=True))
     for point in points.itertuples():
         if point.fits:
-            assert ends[point.tag] == 1
+            assert ends[point.tag] == (2 if line[point.device] == "A" else 1)
             assert point.device and point.bus
             assert point.tag not in reasons
             own = runs[(runs["b"] == point.tag) & runs["kind"].isin(["drop", "home run"])]
-            assert own["a"].item() == point.device
+            assert own["a"].iloc[0] == point.device
         else:
             assert ends[point.tag] == 0
             assert point.tag in reasons
@@ -106,6 +107,9 @@ class Segment:
         self.row, self.settings, self.design = row, settings, design
         self.points = design.points[design.points["segment"] == row.segment]
         self.devices = design.devices[design.devices["segment"] == row.segment]
+        if row.bus == "AS-i":
+            check_both_lines(design, row.segment)
+            self.devices = self.devices[self.devices["line"] != "B"]
         runs = design.cables[design.cables["segment"] == row.segment]
         self.trunk = runs[(runs["kind"] == "trunk") & (runs["line"] != "B")]
         self.second = runs[(runs["kind"] == "trunk") & (runs["line"] == "B")]
@@ -120,6 +124,16 @@ class Segment:
 
     def count(self, kind):
         return int((self.devices["kind"] == kind).sum())
+
+
+def check_both_lines(design, segment):
+    """Line B of a doubled AS-i segment is a copy of line A, and each point is wired to both."""
+    for table, names in ((design.devices, ["device", "at"]), (design.cables, ["run", "a", "b"])):
+        rows = table[table["segment"] == segment]
+        first, second = (rows[rows["line"] == line].reset_index(drop=True) for line in "AB")
+        assert (len(second) > 0) == (design.name == "AS-i doubled" or len(first) > 0)
+        first = first.replace({name: {r" A( \(\d+\))?$": r" B\1"} for name in names}, regex=True)
+        pd.testing.assert_frame_equal(first.drop(columns="line"), second.drop(columns="line"))
 
 
 def check_chain(own, longest):

@@ -1,5 +1,7 @@
 """I/O lists for the tests of design: handwritten, random and large."""
 
+import io
+
 import numpy as np
 import pandas as pd
 from hypothesis import strategies as st
@@ -9,6 +11,11 @@ from shipnet.design.iolist import IoList
 from shipnet.design.layout import Site, frame
 
 SIGNALS = ("contact", "solenoid", "rtd_3wire", "current_loop", "contact_common", "analogue_output")
+
+
+def cases(text):
+    """Return the rows of a table with bars between cells, and a line or semicolon between rows."""
+    return [row.split("|") for row in text.replace("\n", ";").split(";")]
 
 
 def table(rows):
@@ -51,43 +58,63 @@ LS-4,Bilge,DI,contact,2,44,2,2,1000,I,level in the bilge well
 """
 
 
+def rows_of(table, text, **columns):
+    """Return a table of a design: comma-separated rows below their titles, and equal columns."""
+    rows = pd.read_csv(io.StringIO(text), keep_default_na=False)
+    return frame(table, rows.assign(**columns))
+
+
 def small_loop(*, redundant=False):
     """Return a small Modbus loop of two stations, with a second line if `redundant`."""
-    iolist, nan = IoList.parse(_SENSORS, "example"), float("nan")
-    tags = list(iolist.points["tag"])
-    stations = ["JB1", "JB1", "JB2", "JB2"]
-    places = {"cabinet": 0.0, "master": 0.0, "JB1": 22.5, "JB2": 42.5}
-    kinds = ["cabinet", "master", "station", "station"]
-    trunk = [
-        {"run": f"trunk {n}{line}", "cable": "RS485_MARINE", "a": a, "b": b,
-         "segment": "loop 1", "kind": "trunk", "route_m": metres, "length_m": metres,
-         "used": 2, "conductors": 2, "at_cabinet": n == 1, "line": line}
+    iolist = IoList.parse(_SENSORS, "example")
+    bus = {"segment": "loop 1", "bus": "Modbus RTU"}
+    points = "tag,device,address\nPS-1,JB1,1/0\nTT-2,JB1,1/1\nTT-3,JB2,2/0\nLS-4,JB2,2/1"
+    devices = "device,kind,segment,x_m\ncabinet,cabinet,,0\nmaster,master,loop 1,0\n"
+    devices += "JB1,station,loop 1,22.5\nJB2,station,loop 1,42.5"
+    runs = "run,a,b,route_m,at_cabinet,line\n" + "".join(
+        f"trunk 1{line},master,JB1,45,True,{line}\ntrunk 2{line},JB1,JB2,26,False,{line}\n"
         for line in (("A", "B") if redundant else ("",))
-        for n, a, b, metres in ((1, "master", "JB1", 45.0), (2, "JB1", "JB2", 26.0))
-    ]  # fmt: skip
-    drops = [
-        {"run": f"drop {tag}", "cable": "MI2P075", "a": station, "b": tag, "segment": "loop 1",
-         "kind": "drop", "route_m": 4.0, "length_m": 10.0, "used": wires, "conductors": 4,
-         "at_cabinet": False, "line": ""}
-        for tag, station, wires in zip(tags, stations, iolist.points["conductors"], strict=True)
-    ]  # fmt: skip
+    )
+    drops = "run,a,b,used\ndrop PS-1,JB1,PS-1,2\ndrop TT-2,JB1,TT-2,3\ndrop TT-3,JB2,TT-3,3\n"
+    drops += "drop LS-4,JB2,LS-4,2"
+    unknown = dict.fromkeys(("bus_time", "capacity_used"), float("nan"))
     return Design(
         "example, redundant" if redundant else "example",
         iolist,
         Site((0.0, 0.0, 4.0)),
-        points=frame("points", {
-            "tag": tags, "bus": "Modbus RTU", "segment": "loop 1", "device": stations,
-            "address": ["1/0", "1/1", "2/0", "2/1"], "response_ms": 180.0, "fits": True,
-        }),
-        devices=frame("devices", {
-            "device": list(places), "kind": kinds, "segment": ["", *["loop 1"] * 3],
-            "x_m": list(places.values()), "y_m": 0.0, "z_m": 4.0,
-        }),
-        cables=frame("cables", trunk + drops),
-        segments=frame("segments", [{
-            "segment": "loop 1", "bus": "Modbus RTU", "points": 4, "devices": 2,
-            "length_m": 71.0, "bus_time": nan, "capacity_used": nan, "response_ms": 180.0,
-            "slowest_update_ms": 500.0,
-        }]),
+        points=rows_of("points", points, response_ms=180.0, fits=True, **bus),
+        devices=rows_of("devices", devices, y_m=0.0, z_m=4.0),
+        cables=pd.concat(
+            [
+                rows_of(
+                    "cables",
+                    runs,
+                    cable="RS485_MARINE",
+                    kind="trunk",
+                    used=2,
+                    conductors=2,
+                    segment="loop 1",
+                    length_m=[45.0, 26.0] * (1 + redundant),
+                ),
+                rows_of(
+                    "cables",
+                    drops,
+                    cable="MI2P075",
+                    kind="drop",
+                    conductors=4,
+                    route_m=4.0,
+                    length_m=10.0,
+                    at_cabinet=False,
+                    line="",
+                    segment="loop 1",
+                ),
+            ]
+        ),
+        segments=rows_of(
+            "segments",
+            "points,devices,length_m,response_ms,slowest_update_ms\n4,2,71,180,500",
+            **bus,
+            **unknown,
+        ),
         reasons=frame("reasons"),
-    )  # fmt: skip
+    )

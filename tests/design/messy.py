@@ -31,22 +31,32 @@ DK3 = 8.0
 TANKTOP = 1.8
 """
 
-TITLES = ["KKS code", "System\n계통", "I/O 구분", "Signal / 신호", "Cores", "Location", "", "",
-          "Cable length", "Scan [ms]", "Bemerkung"]  # fmt: skip
+TITLES = (
+    "KKS code|System\n계통|I/O 구분|Signal / 신호|Cores|Location|||Cable length|Scan [ms]".split(
+        "|"
+    )
+)
+TITLES.append("Bemerkung")
 SECOND = ["", "", "", "", "", "Frame", "Deck", "P/S", "[m]", "", ""]
 
-KINDS = [("DI", "접점", "2"), ("DI", "GS", ""), ("DI", "NAMUR", ""), ("DI", "LIMIT SW", "2"),
-         ("DO", "24VDC out", "2"), ("DO", "솔레노이드", ""), ("AI", "4~20mA 2W", ""),
-         ("AI", "PT100 3W", "3"), ("AI", "TIT", ""), ("AI", "TC-K", ""), ("AI", "0-10V", ""),
-         ("AO", "4-20mA out", "2"), ("AI", "HART", ""), ("AI", "4-20mA 4W", "4")]  # fmt: skip
+KINDS = [
+    tuple(kind.split("|"))
+    for kind in """\
+DI|접점|2;DI|GS|;DI|NAMUR|;DI|LIMIT SW|2;DO|24VDC out|2;DO|솔레노이드|;AI|4~20mA 2W|;AI|PT100 3W|3
+AI|TIT|;AI|TC-K|;AI|0-10V|;AO|4-20mA out|2;AI|HART|;AI|4-20mA 4W|4""".replace("\n", ";").split(";")
+]
 
 #: Faulty rows by the number of the point: the column of the cell, and its content.
 FAULTY = {
-    17: (8, "12,5 ft"), 40: (3, "GIZMO"), 73: (2, "XX"), 110: (5, "FR 999"), 150: (8, "-4"),
-    199: (4, "two"), 230: (6, "DK9"), 260: (9, "0"), 301: (7, "Q 3"), 333: (8, "1,5,0"),
-    380: (0, ""), 420: (3, "PT 1O0"), 470: (8, "20000"), 512: (4, "7"), 555: (2, "AO"),
-    600: (9, "soon"), 655: (5, "FR x"), 700: (0, "B-0001"), 811: (3, "4-20 kA"), 920: (9, "-1"),
-}  # fmt: skip
+    int(number): (int(column), cell)
+    for number, column, cell in (
+        fault.split("|")
+        for fault in """\
+17|8|12,5 ft;40|3|GIZMO;73|2|XX;110|5|FR 999;150|8|-4;199|4|two;230|6|DK9;260|9|0;301|7|Q 3
+333|8|1,5,0;380|0|;420|3|PT 1O0;470|8|20000;512|4|7;555|2|AO;600|9|soon;655|5|FR x;700|0|B-0001
+811|3|4-20 kA;920|9|-1""".replace("\n", ";").split(";")
+    )
+}
 
 
 def rows(n=1000, faulty=True):
@@ -69,13 +79,11 @@ def rows(n=1000, faulty=True):
         off, y = int(rng.integers(0, 6)) * 100, round(float(rng.uniform(-9, 9)), 1)
         length = round(float(rng.uniform(60, 240)), 1)
         tag = f"B-{number + 1:04d}"
-        cells = [
-            tag, system if first else "", kind, word, cores, f"FR {frame}{f'+{off}' * (off > 0)}",
-            deck, f"{'P' if y > 0 else 'S'} {abs(y):.1f}" if y else "CL",
-            (f"{length:.1f}".replace(".", ","), f"{length:.1f} m",
-             "".join(chr(ord(c) + 0xFEE0) for c in f"{length:.1f}"))[number % 3],
-            "1000" if number % 5 else "500", "",
-        ]  # fmt: skip
+        frame_of, side = f"FR {frame}{f'+{off}' * (off > 0)}", "P" if y > 0 else "S"
+        wide = "".join(chr(ord(c) + 0xFEE0) for c in f"{length:.1f}")
+        long = (f"{length:.1f}".replace(".", ","), f"{length:.1f} m", wide)[number % 3]
+        cells = [tag, system if first else "", kind, word, cores, frame_of, deck]
+        cells += [f"{side} {abs(y):.1f}" if y else "CL", long, "1000" if number % 5 else "500", ""]
         first = False
         if faulty and number in FAULTY:
             place, cell = FAULTY[number]

@@ -1,6 +1,7 @@
 """AS-i lines: cables and repeaters, positions of supplies, and response times."""
 
 from collections import Counter
+from dataclasses import replace
 from itertools import combinations, pairwise
 
 import networkx as nx
@@ -16,12 +17,14 @@ from shipnet.asi.segment import Supply
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import Cycle, Transaction
 from shipnet.design import drafting
+from shipnet.design.costs import bill_table
 from shipnet.design.layout import Site
 from shipnet.design.plan_asi import Piece, draw, place_supply, response
 from shipnet.design.planning import plan
 from shipnet.design.settings import Settings
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
+from tests.design.checks import check_everything
 from tests.design.lists import table
 
 LIMITS = Settings().asi
@@ -52,12 +55,15 @@ def fewest_repeaters(edges, length, limits):
         metres = {frozenset(edge): length[edge[1]] for edge in segment["edges"]}
         drop = min(
             max(
-                sum(amps * metres[run] for b, amps in drawn.items()
-                    for run in cables[supply, a] & cables[supply, b])
+                sum(
+                    amps * metres[run]
+                    for b, amps in drawn.items()
+                    for run in cables[supply, a] & cables[supply, b]
+                )
                 for a in graph
             )
             for supply in graph
-        )  # fmt: skip
+        )
         lowest = limits.voltage - CABLES["as-i 1.5"].resistance * current * drop
         return drawn.total() * current <= limits.rating and lowest >= 26.5
 
@@ -134,8 +140,16 @@ def test_a_line_is_divided_within_its_limits_into_the_fewest_segments(places, mo
         return
     depth = {"0": 0}
     for into, out in drawn.repeaters:
-        depth[out] = depth[next(h for h, own in drawn.segments.items()
-                                if into in {h, *(piece.far for piece in own)})] + 1  # fmt: skip
+        depth[out] = (
+            depth[
+                next(
+                    h
+                    for h, own in drawn.segments.items()
+                    if into in {h, *(piece.far for piece in own)}
+                )
+            ]
+            + 1
+        )
     assert set(depth) == set(drawn.segments) and max(depth.values()) <= series
     for head, segment in drawn.segments.items():
         assert sum(piece.length for piece in segment) <= most + 1e-9
@@ -202,8 +216,10 @@ def test_the_supply_is_where_the_voltage_drop_is_least(hops, currents):
 
 
 def test_the_supply_stays_in_the_cabinet_while_the_voltage_allows_it():
-    near, far = (plan(table([("contact", (x, 0, 0), 1000)] * n), Site((0, 0, 0)), "AS-i")
-                 for x, n in ((50, 4), (80, 160)))  # fmt: skip
+    near, far = (
+        plan(table([("contact", (x, 0, 0), 1000)] * n), Site((0, 0, 0)), "AS-i")
+        for x, n in ((50, 4), (80, 160))
+    )
     assert near.devices.loc[near.devices["kind"] == "supply", "at"].tolist() == ["cabinet"]
     assert "feeder" not in set(near.cables["kind"])
     supplies = far.devices[far.devices["kind"] == "supply"]
@@ -256,6 +272,32 @@ def test_auxiliary_power_reaches_outputs_only():
     assert "auxiliary supply" not in set(inputs.devices["kind"])
 
 
+def test_doubled_lines_have_twice_the_parts_of_a_single_line_and_no_cut_loses_a_point():
+    rows = [("contact", 3), ("contact", 4), ("solenoid", 5), ("rtd_3wire", 60), ("contact", 130)]
+    points = table([(signal, (x, 2, 3), 1000) for signal, x in rows])
+    systems = points.points.assign(system=["Bilge", "Cooling"] * 2 + ["Fuel oil"], category="II")
+    points = replace(points, points=systems)
+    single, doubled = (plan(points, Site((0, 0, 0)), way) for way in ("AS-i", "AS-i doubled"))
+    check_everything(doubled, Settings())
+    # By hand: one line of 133 m past three modules, with a repeater and a second supply at it.
+    parts = {"master": 1, "module": 3, "supply": 2, "auxiliary supply": 1, "repeater": 1}
+    runs = {"trunk": 3, "drop": 5, "feeder": 2}
+    for design, lines in ((single, 1), (doubled, 2)):
+        devices, cables = Counter(design.devices["kind"]), Counter(design.cables["kind"])
+        assert devices == {"cabinet": 1, **{kind: lines * n for kind, n in parts.items()}}
+        assert cables == {kind: lines * n for kind, n in runs.items()}
+        worst = design.failures().query("kind != 'cabinet'").groupby("failure")["points_lost"].max()
+        assert worst.to_dict() == dict.fromkeys(("cut", "short", "device"), 5 if lines == 1 else 0)
+        verdict = design.check("IMO").table().set_index("rule")["verdict"]["shared link redundant"]
+        assert verdict == ("met" if lines == 2 else "violated")
+    bill = [bill_table(design).set_index("item")["number"] for design in (single, doubled)]
+    assert (bill[1] / bill[0]).to_numpy() == pytest.approx(2)
+    # Both lines are needed: a cut on each loses the points beyond both.
+    assert doubled.lost(cables=["AS-i 1 trunk 3 A", "AS-i 1 trunk 3 B"]) == ("P4",)
+    both = ["AS-i 1 supply A", "AS-i 1 master B"]
+    assert doubled.lost(devices=both) == single.lost(devices=["AS-i 1 supply"]) != ()
+
+
 def test_a_line_that_violates_a_signal_rule_is_refused_with_the_rule():
     limits = Settings({"asi.voltage": 20.0})
     design = plan(table([("contact", (30, 0, 0), 1000)]), Site((0, 0, 0)), "AS-i", settings=limits)
@@ -272,7 +314,8 @@ def test_the_voltage_drop_is_that_of_the_chosen_cable():
     far = table([("rtd_3wire", (90 + n, 0, 0), 1000.0) for n in range(8)])
     lowest = {
         cable: plan(far, Site((0, 0, 0)), "AS-i", settings=Settings({"asi.cable": cable}))
-        .segments["lowest_v"].min()
+        .segments["lowest_v"]
+        .min()
         for cable in ("ASI_MARINE", "ASI_FLAT25")
-    }  # fmt: skip
+    }
     assert lowest["ASI_FLAT25"] > lowest["ASI_MARINE"]

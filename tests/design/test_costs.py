@@ -19,7 +19,6 @@ from shipnet.design.costs import (
     bill_table,
     conductors_at_cabinet,
     draw,
-    likely,
     quantities,
     tornado,
 )
@@ -31,7 +30,7 @@ from shipnet.design.planning import plan
 from shipnet.design.plant import Plant
 from shipnet.errors import ArgumentError
 from shipnet.signals import hardwired_conductors
-from tests.design.lists import small_loop
+from tests.design.lists import rows_of, small_loop
 
 PLANT = Plant(modules=20, contacts=3, lines=2, distance=40, spacing=3)
 OPTIONS = {"hardwired": PLANT.hardwired, "AS-i": PLANT.on_asi}
@@ -43,38 +42,39 @@ def mixed():
     kinds = {"hardwired": "box", "AS-i": "module", "CAN": "station", "Modbus RTU": "station"}
     iolist = Plant(modules=5, contacts=2).iolist
     points = iolist.points.assign(type=["AI", "DI", "AO", "DO", "AO", "DI", "AI", "DI", "AI", "DI"])
-    buses = np.repeat([*kinds, ""], 2)
-    devices = [("cabinet", "cabinet", "")]
-    devices += [(f"{kind} of {bus}", kind, bus) for bus, kind in kinds.items()]
-    devices += [(f"{kind} of {bus}", kind, bus) for bus in list(kinds)[1:]
-                for kind in ("master", "supply", "repeater", "terminator", "gateway")]  # fmt: skip
-    own = [f"{kinds[bus]} of {bus}" if bus else "" for bus in buses]
-    rows = pd.DataFrame(
-        {"tag": points["tag"], "bus": buses, "segment": np.where(buses == "hardwired", "", buses),
-         "device": own, "address": "", "response_ms": 1.0, "fits": buses != ""}
-    )  # fmt: skip
-    places = dict.fromkeys(("x_m", "y_m", "z_m"), 0.0)
-    segment = ["" if bus == "hardwired" else bus for _, _, bus in devices]
+    rows, devices, segments = [], ["cabinet,cabinet,"], []
+    for tag, bus in zip(points["tag"], np.repeat([*kinds, ""], 2), strict=True):
+        device = f"{kinds[bus]} of {bus}" if bus else ""
+        rows.append(f"{tag},{bus},{bus.removeprefix('hardwired')},{device},,1.0,{bus != ''}")
+    for bus, kind in kinds.items():
+        more = ("master", "supply", "repeater", "terminator", "gateway") if kind != "box" else ()
+        segment = "" if kind == "box" else bus
+        devices += [f"{one} of {bus},{one},{segment}" for one in (kind, *more)]
+        segments += [f"{bus},{bus}"] * (kind != "box")
+    runs = "one,cabinet,box of hardwired,trunk,5,True\n"
+    runs += f"two,box of hardwired,{points['tag'][0]},drop,3,False"
     fixed = dict.fromkeys(
         ("bus_time", "capacity_used", "response_ms", "slowest_update_ms", "length_m"), 1.0
     )
-    run = {"cable": "MI4P075", "segment": "", "route_m": 8.0, "length_m": 10.0, "line": ""}
     return Design(
-        "mixed", replace(iolist, points=points), site=Site((0, 0, 0)),
-        points=frame("points", rows),
-        devices=frame("devices", [
-            {"device": name, "kind": kind, "segment": s, **places}
-            for (name, kind, _), s in zip(devices, segment, strict=True)]),
-        cables=frame("cables", [
-            {"run": "one", "a": "cabinet", "b": "box of hardwired", "kind": "trunk", "used": 5,
-             "conductors": 8, "at_cabinet": True, **run},
-            {"run": "two", "a": "box of hardwired", "b": points["tag"][0], "kind": "drop",
-             "used": 3, "conductors": 8, "at_cabinet": False, **run}]),
-        segments=frame("segments", [
-            {"segment": bus, "bus": bus, "points": 2, "devices": 1, **fixed}
-            for bus in list(kinds)[1:]]),
-        reasons=frame("reasons"),
-    )  # fmt: skip
+        "mixed",
+        replace(iolist, points=points),
+        Site((0, 0, 0)),
+        rows_of("points", "tag,bus,segment,device,address,response_ms,fits\n" + "\n".join(rows)),
+        rows_of("devices", "device,kind,segment\n" + "\n".join(devices), x_m=0, y_m=0, z_m=0),
+        rows_of(
+            "cables",
+            f"run,a,b,kind,used,at_cabinet\n{runs}",
+            cable="MI4P075",
+            segment="",
+            route_m=8.0,
+            length_m=10.0,
+            line="",
+            conductors=8,
+        ),
+        rows_of("segments", "segment,bus\n" + "\n".join(segments), points=2, devices=1, **fixed),
+        frame("reasons"),
+    )
 
 
 MIXED = mixed()
@@ -128,16 +128,26 @@ def by_hand(design, level):
         if kind == "supply" and bus == "asi":
             price = "asi_supply"
         if kind == "module":
-            own = [types[p.tag] for p in design.points.itertuples() if p.device == device.device]
+            ends = set(design.cables.loc[design.cables["a"] == device.device, "b"])
+            ends |= set(design.points.loc[design.points["device"] == device.device, "tag"])
+            own = [types[tag] for tag in ends & types.keys()]
             price = "asi_analogue_module" if {"AI", "AO"} & set(own) else price
         price = "supply" if kind == "auxiliary supply" else price
         total["hardware_cost_eur"] += assumed[price]
-        reached = {r.line for r in design.cables.itertuples()
-                   if r.kind == "trunk" and device.device in (r.a, r.b)}  # fmt: skip
+        reached = {
+            r.line
+            for r in design.cables.itertuples()
+            if r.kind == "trunk" and device.device in (r.a, r.b)
+        }
         if kind == "station" and {"A", "B"} <= reached:
             total["hardware_cost_eur"] += assumed["second_interface"]
-        slow = {"gateway": "master", "box": "box", "module": "module", "station": "station",
-                "master": "master"}.get(kind, "part")  # fmt: skip
+        slow = {
+            "gateway": "master",
+            "box": "box",
+            "module": "module",
+            "station": "station",
+            "master": "master",
+        }.get(kind, "part")
         total["labour_h"] += assumed[f"{slow}_time"]
     total["labour_cost_eur"] = total["labour_h"] * assumed["labour_rate"]
     return total | {"total_cost_eur": sum(total[cost] for cost in COSTS)}
@@ -192,8 +202,7 @@ def test_counts_are_exact_and_have_no_range():
     table = quantities(MIXED).figures
     assert list(table.index) == list(FIGURES)
     assert table["unit"].to_dict() == {name: unit for name, (_, unit) in FIGURES.items()}
-    counts = {"conductors_at_cabinet": 5, "conductors_laid": 16, "cables": 2,
-              "terminations": 16}  # fmt: skip
+    counts = {"conductors_at_cabinet": 5, "conductors_laid": 16, "cables": 2, "terminations": 16}
     for figure, count in counts.items():
         assert table.loc[figure, ["low", "nominal", "high"]].tolist() == [count] * 3
     others = table.drop(index=list(counts))
@@ -210,11 +219,9 @@ def test_points_that_are_left_out_are_reported():
 
 def test_only_assumptions_in_use_are_listed_with_their_sources():
     used = quantities(PLANT.hardwired).assumptions
-    assert used["name"].tolist() == [
-        "cable mass of MI1P075", "cable price of MI1P075", "laying time of MI1P075",
-        "termination time of MI1P075", "labour_rate", "laid_length", "cable_diameter", "gland",
-        "gland_time", "plc_digital_channel",
-    ]  # fmt: skip
+    of_cable = ["cable mass", "cable price", "laying time", "termination time"]
+    others = "labour_rate laid_length cable_diameter gland gland_time plc_digital_channel".split()
+    assert used["name"].tolist() == [*(f"{name} of MI1P075" for name in of_cable), *others]
     assert used[["source", "status", "unit"]].map(bool).all(axis=None)
     # Every listed assumption changes a figure, and no other does.
     model = Model(PLANT.hardwired)
@@ -227,34 +234,20 @@ def test_only_assumptions_in_use_are_listed_with_their_sources():
     assert moving == set(model.names)
 
 
-def test_cables_by_type_add_up():
-    found = quantities(PLANT.on_asi)
-    assert found.by_cable["length_m"].sum() == pytest.approx(1e3 * found["cable_length_km"])
-    assert found.by_cable["mass_kg"].sum() == pytest.approx(found["cable_mass_kg"])
-    assert found.by_cable["cost_eur"].sum() == pytest.approx(found["cable_cost_eur"])
-    assert found.by_cable["runs"].sum() == found["cables"]
-
-
 def test_a_network_without_anything_costs_nothing():
-    empty = Design(
-        "nothing", replace(PLANT.iolist, points=PLANT.iolist.points.iloc[:0]), site=Site((0, 0, 0)),
+    empty = replace(
+        MIXED,
+        iolist=replace(PLANT.iolist, points=PLANT.iolist.points.iloc[:0]),
         points=frame("points"),
         devices=MIXED.devices[MIXED.devices["kind"] == "cabinet"],
-        cables=frame("cables"), segments=frame("segments"), reasons=frame("reasons"),
-    )  # fmt: skip
+        cables=frame("cables"),
+        segments=frame("segments"),
+    )
     found = quantities(empty)
     assert (found.figures[["low", "nominal", "high"]] == 0).all(axis=None)
     assert found.by_cable.empty
     assert str(tornado({"empty": empty})).endswith("no assumption")
     assert (draw({"empty": empty}, rng=np.random.default_rng(1), draws=3) == 0).all(axis=None)
-
-
-def test_a_users_price_is_used_and_marked_as_given():
-    found = quantities(priced(PLANT.on_asi, labour_rate=(100, 110, 120)))
-    row = found.assumptions.set_index("name").loc["labour_rate"]
-    assert (row["status"], row["nominal"]) == ("given", 110)
-    assert found["labour_cost_eur"] == pytest.approx(110 * quantities(PLANT.on_asi)["labour_h"])
-    assert Assumptions()["labour_rate"].nominal == 55
 
 
 def test_the_catalogue_is_used(monkeypatch):
@@ -320,10 +313,11 @@ def test_the_mean_of_the_draws_is_that_of_the_closed_form(monkeypatch):
     # Each cost is a sum of products of independent assumptions, so its mean is the figure at their
     # means, (low + nominal + high) / 3. The tolerance is four standard errors of the mean.
     known = {
-        name: replace(c, **{f: Range(*[np.mean(getattr(c, f))] * 3)
-                            for f, _ in CABLE_RANGES.values()})
+        name: replace(
+            c, **{f: Range(*[np.mean(getattr(c, f))] * 3) for f, _ in CABLE_RANGES.values()}
+        )
         for name, c in cables().items()
-    }  # fmt: skip
+    }
     assumed = Assumptions()
     means = {name: np.mean(row) for name, row in assumed.items()}
     sample = draw(OPTIONS, rng=np.random.default_rng(2024), draws=40_000)
@@ -334,20 +328,6 @@ def test_the_mean_of_the_draws_is_that_of_the_closed_form(monkeypatch):
             drawn = sample[option][figure]
             error = drawn.std() / np.sqrt(len(drawn))
             assert abs(drawn.mean() - expected[figure]) < 4 * error, (option, figure)
-
-
-def test_draws_are_within_their_bounds_and_rarely_near_them():
-    sample = draw(OPTIONS, rng=np.random.default_rng(2024))
-    for option, design in OPTIONS.items():
-        bounds = quantities(design).figures
-        assert (sample[option] >= bounds["low"] * (1 - 1e-12)).all(axis=None)
-        assert (sample[option] <= bounds["high"] * (1 + 1e-12)).all(axis=None)
-        inner = likely(sample).loc[(option, "total_cost_eur")]
-        outer = bounds.loc["total_cost_eur"]
-        assert inner["high"] - inner["low"] < 0.6 * (outer["high"] - outer["low"])
-        assert (sample[option]["total_cost_eur"].between(inner["low"], inner["high"])).mean() == (
-            pytest.approx(0.9, abs=1e-3)
-        )
 
 
 def test_another_option_does_not_change_the_draws_of_the_others():
@@ -365,8 +345,10 @@ def test_the_tornado_shows_the_effect_of_each_changed_assumption(monkeypatch):
         for place, level in ((0, "low"), (2, "high")):
             if name in CABLE_RANGES:
                 field, _ = CABLE_RANGES[name]
-                own = {i: replace(c, **{field: Range(*[getattr(c, field)[place]] * 3)})
-                       for i, c in known.items()}  # fmt: skip
+                own = {
+                    i: replace(c, **{field: Range(*[getattr(c, field)[place]] * 3)})
+                    for i, c in known.items()
+                }
                 catalogue, prices = own, {}
             else:
                 catalogue = known
@@ -397,14 +379,6 @@ def test_the_tornado_is_sorted_and_names_the_largest_swings():
     assert turned.top() == found.top()
 
 
-def test_a_shared_cost_moves_the_figure_but_not_the_difference():
-    free = priced(PLANT.on_asi, labour_rate=0)
-    found = tornado({"a": free, "b": free})
-    assert (found.every["a at low"] < found.every["a at high"]).any()
-    assert (found.every["swing"] == 0).all()
-    assert found.top() == []
-
-
 def test_an_assumption_that_reverses_the_order_is_marked():
     near = Plant(modules=8, contacts=4, distance=10)
     both = {"hardwired": near.hardwired, "AS-i": near.on_asi}
@@ -419,16 +393,6 @@ def test_a_single_network_has_a_tornado_too():
     assert found.top() == ["cable_mass", "laid_length"]
     assert found.subject == "cable mass of AS-i"
     assert found.at_nominal == pytest.approx(quantities(PLANT.on_asi)["cable_mass_kg"])
-
-
-def test_the_figures_reproduce_the_savings_of_the_papers():
-    far = Plant(modules=62, contacts=4)
-    submarine = Plant(modules=190, contacts=1, lines=14, distance=30)
-    for plant, wired, bus in ((far, 496, 2), (submarine, 380, 28)):
-        saving = plant.saving
-        assert (saving.hardwired, saving.bus) == (wired, bus)
-        assert quantities(plant.hardwired)["conductors_at_cabinet"] == wired
-        assert quantities(plant.on_asi)["conductors_at_cabinet"] == bus
 
 
 @settings(max_examples=20)

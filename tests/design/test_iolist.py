@@ -18,9 +18,9 @@ from shipnet.signals import KINDS, SIGNALS, find_signal, spellings
 
 SHIP = datasets.path("synthetic_iolist_ship.csv")
 GOOD = "tag,type,signal,conductors,x,y,z,jb,to jb,home run,update,cat,note\n"
-ROW = {"tag": "LS-1", "type": "DI", "signal": "contact", "conductors": "2", "x": "1", "y": "2",
-       "z": "3", "jb": "JB1", "to jb": "9", "home run": "40", "update": "500", "cat": "II",
-       "note": "n"}  # fmt: skip
+TITLES = ["tag", "type", "signal", "conductors", *"xyz", "jb", "to jb", "home run", "update"]
+CELLS = "LS-1 DI contact 2 1 2 3 JB1 9 40 500 II n".split()
+ROW = dict(zip([*TITLES, "cat", "note"], CELLS, strict=True))
 
 
 def text(*rows, **changes):
@@ -54,8 +54,13 @@ def test_the_example_ship_has_the_counts_of_its_source():
     assert points["home_run_m"].sum() == pytest.approx(24.7e3, rel=2e-3)
     assert points["to_box_m"].sum() == pytest.approx(7.3e3, rel=2e-3)
     kinds = points["signal"].value_counts().to_dict()
-    assert kinds == {"contact": 129, "current_loop": 90, "rtd_3wire": 62, "solenoid": 48,
-                     "potentiometer": 24}  # fmt: skip
+    assert kinds == {
+        "contact": 129,
+        "current_loop": 90,
+        "rtd_3wire": 62,
+        "solenoid": 48,
+        "potentiometer": 24,
+    }
     assert iolist.located.all() and iolist.places.shape == iolist.box_places.shape == (353, 3)
     assert iolist.remarks == ()
     assert (points["system"] == "Main engine").sum() == 99
@@ -75,8 +80,13 @@ def test_a_list_needs_no_places_until_something_is_planned():
     valves = read_iolist(datasets.path("synthetic_iolist_valves.csv"))
     assert valves.counts == {"contact": 8, "solenoid": 8}
     assert list(valves.table().columns) == [
-        "tag", "type", "signal", "conductors", "note", "device",
-    ]  # fmt: skip
+        "tag",
+        "type",
+        "signal",
+        "conductors",
+        "note",
+        "device",
+    ]
     planned = valves.plan("home runs", (0, 0, 0))
     assert not planned.fits and set(planned.reasons["limit"]) == {"place"}
 
@@ -112,11 +122,15 @@ def test_a_list_in_many_spellings_gives_the_same_points():
         ({"tag": "a\x07b"}, r"column tag: 'a\x07b'; expected printable text"),
         ({"type": "XI"}, r"column type: 'XI'; expected DI, DO, AI or AO"),
         ({"type": "AI"}, r"column type: 'AI'; expected DI for the signal contact"),
-        ({"signal": "limt switch"}, "column signal: signal is 'limt switch'; the nearest known is "
-                                    "'limit switch'"),
+        (
+            {"signal": "limt switch"},
+            "column signal: signal is 'limt switch'; the nearest known is 'limit switch'",
+        ),
         ({"signal": "", "type": ""}, "column signal: is empty; expected one of contact"),
-        ({"signal": "RTD", "type": "AI", "conductors": ""},
-         "signal is 'RTD'; it may be rtd_2wire or rtd_3wire or rtd_4wire"),
+        (
+            {"signal": "RTD", "type": "AI", "conductors": ""},
+            "signal is 'RTD'; it may be rtd_2wire or rtd_3wire or rtd_4wire",
+        ),
         ({"conductors": "3"}, r"column conductors: '3'; expected 2 for the signal contact"),
         ({"conductors": "two"}, r"column conductors: 'two'; expected a whole number 1..9999"),
         ({"conductors": "-2"}, r"column conductors: '-2'; expected a whole number"),
@@ -133,9 +147,9 @@ def test_a_list_in_many_spellings_gives_the_same_points():
         ({"home run": "12,500"}, r"column home run: '12,500'; expected a number 0..10000 m"),
         ({"update": "0"}, r"column update: '0'; expected a number above 0, up to 3600000 ms"),
         ({"update": "-5"}, r"column update: '-5'; expected a number above 0"),
-            ({"jb": ""}, "column jb: is empty; expected a name for the given position or length"),
+        ({"jb": ""}, "column jb: is empty; expected a name for the given position or length"),
     ],
-)  # fmt: skip
+)
 def test_a_faulty_cell_is_named_with_what_is_expected(changes, fault):
     found = faults(text(**changes))
     assert len(found) == 1
@@ -143,15 +157,16 @@ def test_a_faulty_cell_is_named_with_what_is_expected(changes, fault):
 
 
 def test_all_faults_are_reported_at_once_in_the_order_of_the_file():
-    bad = text(
-        {}, {"tag": "ls-1", "type": "AO"}, {"tag": "LS-3", "x": "far", "home run": "-2"},
-        {"tag": "LS-4"}, {"tag": "LS-4", "update": "never", "signal": "radio"},
-    )  # fmt: skip
+    late = {"tag": "LS-4", "update": "never", "signal": "radio"}
+    far = {"tag": "LS-3", "x": "far", "home run": "-2"}
+    bad = text({}, {"tag": "ls-1", "type": "AO"}, far, {"tag": "LS-4"}, late)
     found = faults(bad)
-    assert [fault.split(":")[0] for fault in found] == [
-        "row 3, column tag", "row 3, column type", "row 4, column x", "row 4, column home run",
-        "row 6, column tag", "row 6, column signal", "row 6, column update",
-    ]  # fmt: skip
+    places = [tuple(fault.split(":")[0].split(", column ")) for fault in found]
+    assert places == [
+        *(("row 3", column) for column in ("tag", "type")),
+        *(("row 4", column) for column in ("x", "home run")),
+        *(("row 6", column) for column in ("tag", "signal", "update")),
+    ]
     assert "'ls-1' is already the tag of row 2" in found[0]
     assert "'LS-4' is already the tag of row 5" in found[4]
 
@@ -182,7 +197,7 @@ def test_a_thousand_faulty_rows_are_all_kept_and_reported_briefly():
         ("tag,type,home run\nLS,DI,12,5", "row 2 has 4 cells; expected 3"),
         ('tag,type,home run\n"LS,DI,12', "is not a CSV file: unexpected end of data, in row 2"),
     ],
-)  # fmt: skip
+)
 def test_files_that_are_not_lists_are_refused(given, fault):
     with pytest.raises(InputError, match=fault.replace("(", r"\(")):
         IoList.parse(given)
@@ -207,8 +222,13 @@ def test_type_signal_and_conductors_follow_from_each_other():
     given += "d,,Pt100,4,1\ne,DO,,2,1\nf,ai,4-20mA,2,1\n"
     points = IoList.parse(given).points
     assert points["signal"].tolist() == [
-        "analogue_output", "current_loop", "contact", "rtd_4wire", "solenoid", "current_loop",
-    ]  # fmt: skip
+        "analogue_output",
+        "current_loop",
+        "contact",
+        "rtd_4wire",
+        "solenoid",
+        "current_loop",
+    ]
     assert points["type"].tolist() == ["AO", "AI", "DI", "AI", "DO", "AI"]
     assert points["conductors"].tolist() == [2, 2, 2, 4, 2, 2]
 
@@ -228,12 +248,18 @@ def test_proximity_switches_are_distinguished_by_their_wires():
     [
         (["row 3, column x: a", "row 3, column x: a"], ["row 3, column x: a"], 0),
         (["row 9: a", "row 3: a", "row 4: b"], ["rows 3 and 9: a", "row 4: b"], 1),
-        ([f"row {n}: a" for n in (1, 3, 4, 6, 8, 10, 12, 13, 14, 99)],
-         ["rows 1, 3 to 4, 6, 8, 10 and 4 more: a"], 0),
-        (["line 2: a", "row 2: a", "row 2 is a", "row 3 is a", "", "rows 1: a"],
-         ["line 2: a", "row 2: a", "row 2 is a", "row 3 is a", "", "rows 1: a"], 5),
+        (
+            [f"row {n}: a" for n in (1, 3, 4, 6, 8, 10, 12, 13, 14, 99)],
+            ["rows 1, 3 to 4, 6, 8, 10 and 4 more: a"],
+            0,
+        ),
+        (
+            ["line 2: a", "row 2: a", "row 2 is a", "row 3 is a", "", "rows 1: a"],
+            ["line 2: a", "row 2: a", "row 2 is a", "row 3 is a", "", "rows 1: a"],
+            5,
+        ),
     ],
-)  # fmt: skip
+)
 def test_faults_that_differ_only_in_their_rows_are_reported_as_one(faults, told, beyond):
     assert InputError("x", *faults).lines(10) == told
     assert InputError("x", *faults, more=7).lines(1) == [told[0], f"and {7 + beyond} more"]
@@ -267,8 +293,9 @@ def test_a_saved_list_is_read_back_and_has_no_formulas(tmp_path):
         with path.open(newline="", encoding="utf-8") as stream:
             assert not any(
                 cell[:1] in ("=", "+", "@") or cell.startswith("-K")
-                for row in csv.reader(stream) for cell in row
-            )  # fmt: skip
+                for row in csv.reader(stream)
+                for cell in row
+            )
     read_iolist(SHIP).save(path)
     assert read_iolist(path).points.equals(read_iolist(SHIP).points)
 

@@ -60,9 +60,9 @@ def test_a_bit_rate_reaches_as_far_as_is_published():
 
 @given(st.lists(KINDS, min_size=1, max_size=400))
 def test_every_point_has_a_register_and_every_register_is_polled(types):
-    station = registers_of(types)
+    addresses, requests = registers_of(types)
     places = {}
-    for kind, address in zip(types, station.addresses, strict=True):
+    for kind, address in zip(types, addresses, strict=True):
         what, _, number, *bit = address.split()
         assert what == ("holding" if kind[1] == "O" else "input")
         assert (kind[0] == "D") == bool(bit)
@@ -73,7 +73,7 @@ def test_every_point_has_a_register_and_every_register_is_polled(types):
         used = sum(place == what for place, _ in places)
         assert used == counts[analogue] + ceil(counts[digital] / 16)
     asked = []
-    for request in station.requests:
+    for request in requests:
         what = {4: "input", 16: "holding"}[request.function]
         start = request.address
         asked += [(what, start + n) for n in range(request.quantity)]

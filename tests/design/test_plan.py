@@ -25,19 +25,10 @@ BUSES = OPTIONS[2:]
 #: Limits so low that lists of a dozen points reach them.
 TIGHT = Settings(
     {
-        "boxes.points": 3,
-        "boxes.reach": 8.0,
-        "asi.inputs": 2,
-        "asi.outputs": 2,
-        "asi.channels": 2,
-        "asi.length": 60.0,
-        "asi.repeaters": 2,
-        "can.nodes": 3,
-        "can.load": 0.1,
-        "modbus.unit_loads": 3,
-        "modbus.bit_rates": (9600, 19_200),
-        "modbus.repeaters": 1,
-        "modbus.length": 150.0,
+        "boxes": {"points": 3, "reach": 8.0},
+        "asi": {"inputs": 2, "outputs": 2, "channels": 2, "length": 60.0, "repeaters": 2},
+        "can": {"nodes": 3, "load": 0.1},
+        "modbus": {"unit_loads": 3, "bit_rates": (9600, 19_200), "repeaters": 1, "length": 150.0},
     }
 )
 TREELESS = Settings({"asi.tree": False, "asi.shared": False, "fed": False})
@@ -115,7 +106,8 @@ def test_every_option_has_the_same_spare_channels(example, option, spare):
     design = plan(example, Site((26, 6, 14)), option, settings=Settings({"spare": spare}))
     value = example.points["type"].str[0] == "A"
     bill = bill_table(design).set_index("item")["number"]
-    if option == "AS-i":
+    if option.startswith("AS-i"):
+        bill /= 2 if option == "AS-i doubled" else 1
         # An analogue module may be fast enough for only some of its ports; the others are spare.
         for kind, own in (("AS-i analogue module", value), ("AS-i module", ~value)):
             inputs = example.points.loc[own, "type"].str[1] == "I"
@@ -188,8 +180,12 @@ def test_a_modbus_bit_rate_above_100_kbit_s_shortens_the_line():
     assert fast.reasons["bound"].tolist() == pytest.approx([243.8] * 2)
     # Points that need a fast line are left out unless they are near enough.
     urgent = table([("contact", (x, 0, 0), 9) for x in (80, 400)])
-    found = plan(urgent, SITE, "Modbus RTU", settings=Settings(
-        {"modbus.bit_rates": (57_600, 1_000_000), "modbus.processing": 0}))  # fmt: skip
+    found = plan(
+        urgent,
+        SITE,
+        "Modbus RTU",
+        settings=Settings({"modbus.bit_rates": (57_600, 1_000_000), "modbus.processing": 0}),
+    )
     assert found.points["fits"].tolist() == [True, False]
 
 
@@ -253,18 +249,9 @@ def test_a_mix_connects_each_kind_by_its_bus_and_the_first_choice_decides(exampl
     assert set(points.loc[points["category"] == "I", "bus"]) == {"hardwired"}
     assert set(points.loc[points["system"] == "Fire damper", "bus"]) == {"hardwired"}
     rest = points[(points["category"] != "I") & (points["system"] != "Fire damper")]
-    assert rest.groupby("type")["bus"].unique().map(list).to_dict() == {
-        "AI": ["CAN"], "DI": ["AS-i"], "DO": ["Modbus RTU"]
-    }  # fmt: skip
+    buses = rest.groupby("type")["bus"].unique().map(list).to_dict()
+    assert buses == {"AI": ["CAN"], "DI": ["AS-i"], "DO": ["Modbus RTU"]}
     check_everything(design, Settings())
-
-
-def test_a_mix_with_one_option_equals_its_plan():
-    iolist = ship(40)
-    for option in OPTIONS:
-        one, other = plan(iolist, SITE, option), plan(iolist, SITE, option)
-        for name in ("points", "devices", "cables", "segments", "reasons"):
-            pd.testing.assert_frame_equal(getattr(one, name), getattr(other, name))
 
 
 def test_unknown_options_and_kinds_are_named():
@@ -285,13 +272,6 @@ def test_the_planner_avoids_names_that_the_list_uses():
         design = plan(iolist, SITE, option)
         assert design.fits
         check_everything(design, Settings())
-
-
-@pytest.mark.parametrize("option", OPTIONS)
-def test_the_same_list_gives_the_same_plan(option):
-    one, two = (plan(ship(60), SITE, option) for _ in range(2))
-    pd.testing.assert_frame_equal(one.cables, two.cables)
-    pd.testing.assert_frame_equal(one.points, two.points)
 
 
 @pytest.mark.parametrize("option", OPTIONS)
@@ -319,40 +299,10 @@ def test_the_limits_are_those_of_the_rules():
     assert Settings().asi.rating == float(rules["supply_current"])
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Settings({"spare": -0.1}), "spare is -0.1; it must be 0..10"),
-        (lambda: Settings({"spare": np.nan}), "spare is nan"),
-        (lambda: Settings({"fed": 1}), "fed is 1; it must be true or false"),
-        (lambda: Settings({"asi.inputs": 5}), r"inputs is 5; it must be a whole number 1\.\.4"),
-        (
-            lambda: Settings({"asi.cable": "string"}),
-            "cable is 'string'; it must be one of ASI_FLAT",
-        ),
-        (
-            lambda: Settings({"can.cable": "ASI_FLAT"}),
-            "cable is 'ASI_FLAT'; it must be one of CAN_2x2x025",
-        ),
-        (
-            lambda: Settings({"modbus.cable": "MI2P075"}),
-            "cable is 'MI2P075'; it must be one of RS485_9843",
-        ),
-        (
-            lambda: Settings({"feeder": "ASI_FLAT"}),
-            "feeder is 'ASI_FLAT'; it must be one of MI1P075",
-        ),
-        (lambda: Settings({"can.bit_rates": ()}), r"bit_rates is \(\)"),
-        (lambda: Settings({"modbus.bit_rates": (9600, 1)}), "bit_rates is .9600, 1."),
-        (
-            lambda: Settings({"modbus.units": 248}),
-            r"units is 248; it must be a whole number 1\.\.247",
-        ),
-    ],
-)
-def test_limits_out_of_range_are_named(make, message):
-    with pytest.raises(ArgumentError, match=message):
-        make()
+@pytest.mark.parametrize("values", [{"can.cable": "ASI_FLAT"}, {"feeder": "ASI_FLAT"}])
+def test_a_cable_that_does_not_suit_a_bus_is_refused(values):
+    with pytest.raises(ArgumentError, match="is 'ASI_FLAT'; it must be one of"):
+        Settings(values)
 
 
 def test_points_without_an_update_time_have_that_of_the_settings():
@@ -366,8 +316,13 @@ def test_points_without_an_update_time_have_that_of_the_settings():
 # Limits of rules on responses, and points that are intrinsically safe -----------------------------
 
 #: Inputs with an update time of 5 s, and outputs.
-SLOW = table([(signal, (x, 0, 2), 5000.0) for x in range(0, 60, 3)
-              for signal in ("contact", "current_loop", "solenoid")])  # fmt: skip
+SLOW = table(
+    [
+        (signal, (x, 0, 2), 5000.0)
+        for x in range(0, 60, 3)
+        for signal in ("contact", "current_loop", "solenoid")
+    ]
+)
 
 
 def within(seconds, applies="inputs"):
@@ -393,14 +348,6 @@ def test_a_limit_on_responses_is_met_where_the_list_alone_would_exceed_it(option
     assert used["planned_update_ms"].to_numpy() == pytest.approx(np.where(inputs, longest, 5000))
     columns = list(design.tables()["points"])
     assert columns.index("planned_update_ms") == columns.index("update_ms") + 1
-
-
-def test_a_point_without_an_update_time_is_planned_with_that_of_the_settings():
-    points = table([("contact", (1, 0, 2), np.nan), ("contact", (2, 0, 2), 300.0)])
-    for option in ("CAN", "home runs"):
-        found = plan(points, SITE, option).tables()["points"]["planned_update_ms"]
-        used = [1000, 300] if option == "CAN" else [np.nan] * 2
-        assert found.tolist() == pytest.approx(used, nan_ok=True)
 
 
 def test_a_limit_that_is_met_anyway_changes_nothing():

@@ -8,7 +8,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet import datasets
-from shipnet.design.comparison import compare
 from shipnet.design.costs import quantities, tornado
 from shipnet.design.iolist import read_iolist
 from shipnet.design.plant import Plant
@@ -27,47 +26,6 @@ def ax():
         yield Figure().subplots()
 
 
-def spans(collection):
-    return [segment[:, 0].tolist() for segment in collection.get_segments()]
-
-
-def test_designs_are_drawn_side_by_side_with_their_ranges(ax):
-    found = compare(NETWORKS.values())
-    assert found.plot("cable_mass_kg", ax=ax) is ax
-    assert [bar.get_width() for bar in ax.patches] == [q["cable_mass_kg"] for q in OPTIONS.values()]
-    bounds, inner = ax.collections
-    ends = [q.figures.loc["cable_mass_kg"] for q in OPTIONS.values()]
-    assert spans(bounds) == [[row["low"], row["high"]] for row in ends]
-    rows = [found.likely().loc[(option, "cable_mass_kg")] for option in OPTIONS]
-    assert spans(inner) == [[row["low"], row["high"]] for row in rows]
-    assert ax.get_xlabel() == "cable mass [kg]"
-    assert [label.get_text() for label in ax.get_yticklabels()] == ["hardwired", "AS-i"]
-    with pytest.raises(ArgumentError, match="x is 'mass'"):
-        found.plot("mass", ax=ax)
-
-
-def test_two_columns_of_a_comparison_are_drawn_in_words(ax):
-    found = compare(NETWORKS.values())
-    found.plot("cable_mass_kg", "conductors_at_cabinet", ax=ax)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("cable mass [kg]", "conductors at the cabinet")
-    with pytest.raises(ArgumentError, match="x is 'mass'"):
-        found.plot("mass", "cables", ax=ax)
-
-
-def test_the_tornado_has_its_longest_bars_on_top(ax):
-    found = tornado(NETWORKS)
-    found.plot(ax, rows=5)
-    low, high = ax.patches[:5], ax.patches[5:]
-    ends = found.ends.iloc[:5]
-    for bars, level in ((low, "low"), (high, "high")):
-        reached = [bar.get_x() + bar.get_width() for bar in bars]
-        assert reached == pytest.approx(ends[level].tolist())
-    assert {line.get_xdata()[0] for line in ax.lines} >= {found.at_nominal}
-    assert ax.get_xlabel() == f"{found.subject} [EUR]"
-    assert ax.get_yticklabels()[0].get_text() == found.top(1)[0].replace("_", " ")
-    assert ax.get_ylim() == (4.5, -0.5)
-
-
 def test_a_zero_difference_is_marked_only_if_it_is_in_the_picture(ax):
     tornado(NETWORKS, "cable_mass_kg").plot(ax)
     assert len(ax.lines) == 1
@@ -75,18 +33,6 @@ def test_a_zero_difference_is_marked_only_if_it_is_in_the_picture(ax):
     tornado({"a": PLANT.on_asi, "b": PLANT.on_asi}).plot(other)
     assert [line.get_xdata()[0] for line in other.lines] == [0, 0]
     assert not other.patches
-
-
-def test_the_front_joins_the_pareto_optimal_options(ax):
-    table = pd.DataFrame(
-        {"total_cost_eur": [3.0, 1.0, 2.0], "worst response": [1.0, 3.0, 4.0]}, index=list("abc")
-    )
-    plot_pareto(table, ["a", "b"], ax=ax)
-    front, *dots = ax.lines
-    assert list(zip(*front.get_data(), strict=True)) == [(1, 3), (3, 1)]
-    assert [dot.get_markerfacecolor() for dot in dots] == ["C0", "C0", "white"]
-    assert [text.get_text() for text in ax.texts] == ["a", "b", "c"]
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("total_cost_eur", "worst response")
 
 
 def test_options_at_the_same_place_share_a_label_and_near_ones_do_not_overlap(ax):
@@ -122,14 +68,6 @@ def test_options_that_are_all_at_one_place_have_one_label(ax):
     assert len(nothing.texts) == 0
 
 
-def test_without_a_front_no_option_is_filled(ax):
-    table = pd.DataFrame({"total_cost_eur": [3.0], "cables": [1.0]}, index=["a"])
-    plot_pareto(table, [], ax=ax)
-    front, dot = ax.lines
-    assert len(front.get_xdata()) == 0
-    assert dot.get_markerfacecolor() == "white"
-
-
 def texts(ax):
     return [text.get_text() for text in ax.texts]
 
@@ -143,22 +81,6 @@ def test_hardwired_draws_each_conductor(ax):
     assert len(ax.lines) == 32
     assert "hardwired: 32 conductors for 16 points" in texts(ax)
     assert {"BV-01", "BV-02", "BV-03", "BV-04"} <= set(texts(ax))
-
-
-def test_asi_draws_one_module_per_device(ax):
-    VALVES.plot("AS-i", ax)
-    assert [text for text in texts(ax) if text.startswith("slave")] == [
-        f"slave {n}" for n in (1, 2, 3, 4)
-    ]
-    assert "AS-i: 2 conductors in the trunk for 16 points" in texts(ax)
-
-
-def test_one_device_and_other_signals_can_be_drawn(ax):
-    one = changed(VALVES.points.iloc[:1].assign(signal="rtd_3wire", type="AI", conductors=3))
-    one.plot(ax=ax)
-    assert len(ax.lines) == 3
-    one.plot("AS-i", ax)
-    assert "3 short conductors" in texts(ax)
 
 
 def test_a_common_return_is_drawn_too(ax):
@@ -177,15 +99,3 @@ def test_an_iolist_without_devices_is_refused(ax):
             bare.plot(option, ax)
     with pytest.raises(ArgumentError, match="option is 'CAN'; it must be one of 'home runs'"):
         VALVES.plot("CAN", ax)
-
-
-def test_a_design_is_drawn_from_above(ax):
-    design = NETWORKS["AS-i"]
-    assert design.plot(ax) is ax and ax.get_title() == "AS-i"
-    assert sum(len(own.get_segments()) for own in ax.collections) == len(design.cables)
-
-
-def test_the_costs_of_a_design_are_drawn_with_their_ranges(ax):
-    takes = OPTIONS["AS-i"]
-    takes.plot(ax)
-    assert [bar.get_width() for bar in ax.patches][-1] == takes["total_cost_eur"]

@@ -19,6 +19,7 @@ from shipnet.design.layout import site_of
 from shipnet.errors import InputError
 from shipnet.lists import decimal_mark, read_number
 from tests.design import messy
+from tests.design.lists import cases
 
 SETTINGS = Settings.parse(messy.SETTINGS)
 HEAD = "tag,type,signal,x,y,z\n"
@@ -207,30 +208,29 @@ def test_a_mark_of_intrinsic_safety_is_kept_beside_the_signal():
 
 @pytest.mark.parametrize(
     ("cell", "mark", "value"),
-    [
-        ("24.8", "", 24.8), ("24,8", "", 24.8), ("24.8 m", "", 24.8), ("24,8m", ",", 24.8),
-        ("2480 cm", "", 24.8), ("24800mm", "", 24.8),
-        ("\uff12\uff14\uff0e\uff18", "", 24.8), ("1,234.5", "", 1234.5),
-        ("1.234,5", "", 1234.5), ("1 234,5", ",", 1234.5), ("1,234", ".", 1234),
-        ("1,234", ",", 1.234),
-        ("1,234", "", None), ("1.234", "", None), ("0.234", "", 0.234), ("1.234", ",", 1234),
-        ("1,234,567", "", 1234567),
-        ("-.5", "", -0.5), ("\u22123", "", -3), ("+3.", "", 3), ("1e2", "", 100),
-        ("1'234.5", "", 1234.5),
-        ("12,5 ft", "", None), ("1,5,0", "", None), ("1.5.0", "", None), ("1,23,456", "", None),
-        ("m", "", None), ("", "", None), ("5 m 3", "", None), ("\u0661", "", None),
-        ("1,5.0,3", "", None),
-    ],
-)  # fmt: skip
+    cases("""\
+24.8||24.8;24,8||24.8;24.8 m||24.8;24,8m|,|24.8;2480 cm||24.8;24800mm||24.8;1,234.5||1234.5
+\uff12\uff14\uff0e\uff18||24.8;1.234,5||1234.5;1 234,5|,|1234.5;1,234|.|1234;1,234|,|1.234
+0.234||0.234;1,234||None;1.234||None;1.234|,|1234;1,234,567||1234567;-.5||-0.5;\u22123||-3;+3.||3;1e2||100
+1'234.5||1234.5;12,5 ft||None;1,5,0||None;1.5.0||None;1,23,456||None;m||None;||None;5 m 3||None
+\u0661||None;1,5.0,3||None"""),
+)
 def test_a_number_is_read_correctly_or_not_at_all(cell, mark, value):
-    assert read_number(cell, mark, "m", "m") == pytest.approx(value)
+    expected = None if value == "None" else pytest.approx(float(value))
+    assert read_number(cell, mark, "m", "m") == expected
 
 
 @pytest.mark.parametrize(
     ("cells", "mark"),
-    [(["1,5", "1,234"], ","), (["1.5", "1,234"], "."), (["1,234"], ""), (["1,5", "2.5"], ""),
-     (["1.234,5"], ","), (["12", ""], "")],
-)  # fmt: skip
+    [
+        (["1,5", "1,234"], ","),
+        (["1.5", "1,234"], "."),
+        (["1,234"], ""),
+        (["1,5", "2.5"], ""),
+        (["1.234,5"], ","),
+        (["12", ""], ""),
+    ],
+)
 def test_the_decimal_mark_of_a_list_follows_from_its_clear_numbers(cells, mark):
     assert decimal_mark(cells) == mark
 
@@ -255,19 +255,19 @@ FRAMES = Settings({"frames": {"-5": -3.0, "0": 0, "30": 18, "180": 138}, "decks"
 @pytest.mark.parametrize(
     ("place", "found"),
     [
-        ("FR 34+200, DK3, P 4.2", (21.4, 4.2, 8)), ("Fr. 30 / DK 3 / S 2", (18, -2, 8)),
-        ("frame 0, dk3", (0, 0, 8)), ("FR -5, DK3+500, CL", (-3, 0, 8.5)),
-        ("FR30-1.5m; DK3; 4,2 P", (16.5, 4.2, 8)),
-        ("FR 181, DK3", None), ("FR 30, DK4", None), ("FR 30, DK3, P", None), ("ER floor", None),
+        *cases("""\
+FR 34+200, DK3, P 4.2|21.4 4.2 8\nFr. 30 / DK 3 / S 2|18 -2 8\nframe 0, dk3|0 0 8
+FR -5, DK3+500, CL|-3 0 8.5\nFR 181, DK3|\nFR 30, DK4|\nFR 30, DK3, P|\nER floor|"""),
+        ("FR30-1.5m; DK3; 4,2 P", "16.5 4.2 8"),
     ],
-)  # fmt: skip
+)
 def test_a_place_is_understood_by_frame_deck_and_side(place, found):
     text = f'tag,type,location\nA1,DI,"{place}"\n'
-    if found is None:
+    if not found:
         assert only(text, reading=FRAMES.reading).startswith("row 2, column location (C): ")
         return
     (at,) = IoList.parse(text, reading=FRAMES.reading).places
-    assert at == pytest.approx(found)
+    assert at == pytest.approx([*map(float, found.split())])
 
 
 def test_frames_and_decks_may_come_from_sheets_of_the_workbook(tmp_path):
@@ -315,9 +315,13 @@ def test_a_row_with_only_a_tag_is_a_fault():
 
 @pytest.mark.parametrize(
     ("systems", "filled"),
-    [(["a", "", "b", ""], ["a", "a", "b", "b"]), (["a", "a", "", "b"], None), (["", "a"], None),
-     (["a", "b"], None)],
-)  # fmt: skip
+    [
+        (["a", "", "b", ""], ["a", "a", "b", "b"]),
+        (["a", "a", "", "b"], None),
+        (["", "a"], None),
+        (["a", "b"], None),
+    ],
+)
 def test_a_system_given_once_per_group_is_filled_down(systems, filled):
     rows = "".join(f"A{n},DI,{system}\n" for n, system in enumerate(systems))
     iolist = IoList.parse("tag,type,system\n" + rows)
@@ -340,11 +344,11 @@ def test_strict_makes_every_doubt_a_fault():
 
 @pytest.mark.parametrize(
     ("encoding", "note", "said"),
-    [("cp949", "냉각수 온도 5 ℃", "cp949"), ("utf-8-sig", "5 µm", "utf-8"),
-     ("cp1252", "Kühlwasser 5 µm, 5 °C", "cp1252"),
-     ("utf-16", "5 °C", "utf-16"), ("utf-16-le", "5 °C", "utf-16-le"), ("cp949", "빌지", "cp949"),
-     ("cp1252", "nødstopp øvre dør", "cp1252"), ("cp1252", "n° 5, température", "cp1252")],
-)  # fmt: skip
+    cases("""\
+cp949|냉각수 온도 5 ℃|cp949;utf-8-sig|5 µm|utf-8;cp1252|Kühlwasser 5 µm, 5 °C|cp1252
+utf-16|5 °C|utf-16;utf-16-le|5 °C|utf-16-le;cp949|빌지|cp949;cp1252|nødstopp øvre dør|cp1252
+cp1252|n° 5, température|cp1252"""),
+)
 def test_the_encoding_is_found_and_named(encoding, note, said, tmp_path):
     path = tmp_path / "list.csv"
     path.write_bytes(f"tag\ttype\tnote\nA1\tDI\t{note}\n".encode(encoding))
@@ -390,9 +394,8 @@ def test_report_command_and_tables_say_how_the_list_was_read(tmp_path, capsys):
 def test_a_title_of_types_and_signals_in_two_languages_is_one_column(title):
     rows = pd.DataFrame({"tag": ["A", "B"], title: ["PT100 3W", "24VDC SOL"]})
     assert IoList.from_table(rows).points["signal"].tolist() == ["rtd_3wire", "solenoid"]
-    assert IoList.from_table(rows.assign(**{title: ["DI", "AO"]})).points["type"].tolist() == [
-        "DI", "AO",
-    ]  # fmt: skip
+    types = IoList.from_table(rows.assign(**{title: ["DI", "AO"]})).points["type"]
+    assert types.tolist() == ["DI", "AO"]
 
 
 def test_a_list_with_unknown_titles_points_to_the_settings():
@@ -417,20 +420,23 @@ Ex d e|Ex d/e|Ex db eb IIC T4 Gb|Ex n|Ex nA|Ex nR IIC|Ex nAc|Ex p|Ex pxb|Ex m|Ex
 Ex tb IIIC T80 Db|Ex o|Ex q|Ex s|d|de|db|II 2G Ex d IIC T6 Gb|Ex d [ia]|Ex d [ia Ga] IIC T4
 Ex db [Ex ia] IIC|Ex e [ib]|flameproof|내압방폭|안전증|\uff2e\uff2f|\uff0d|\uff25\uff58 \uff44"""
 #: Cells that do not say it clearly, and how they are read.
-UNCLEAR = {
-    "Zone 1": False, "zone 1": False, "Ex": False, "Ex-proof": False, "II 2G": False, "T4": False,
-    "?": False, "TBA": False, "safe area": False, "yes/no": False, "2": False, "o": False,
-    "[Ex ia]": False, "[Ex ia Ga] IIC": False, "Ex [ia]": False, "Ex op is": False, "idea": False,
-    "Exit": False, "no barrier for Ex d": False, "Ex i to be confirmed, not sure": True,
-    "Ex ia/d": True, "Ex d ia": True, "Ex d / Ex ia": True, "Ex ia or Ex d": True, "Ex de ia": True,
-    "d/ia": True, "IS / Ex d": True, "IS: no": True, "Ex ia: no": True, "zone is unknown": True,
-}  # fmt: skip
+UNCLEAR = dict.fromkeys(
+    "Zone 1|zone 1|Ex|Ex-proof|II 2G|T4|?|TBA|safe area|yes/no|2|o|[Ex ia]|[Ex ia Ga] IIC|Ex [ia]|"
+    "Ex op is|idea|Exit|no barrier for Ex d".split("|"),
+    False,
+) | dict.fromkeys(
+    "Ex i to be confirmed, not sure|Ex ia/d|Ex d ia|Ex d / Ex ia|Ex ia or Ex d|Ex de ia|d/ia|"
+    "IS / Ex d|IS: no|Ex ia: no|zone is unknown".split("|"),
+    True,
+)
 
 
 def marked(*cells, title="IS", **options):
     """Return a list with one point per cell in the column for explosion protection."""
-    rows = "".join(f'T-{n};Pt100 3-wire;9;2;3;"{cell.replace(chr(34), chr(34) * 2)}"\n'
-                   for n, cell in enumerate(cells))  # fmt: skip
+    rows = "".join(
+        f'T-{n};Pt100 3-wire;9;2;3;"{cell.replace(chr(34), chr(34) * 2)}"\n'
+        for n, cell in enumerate(cells)
+    )
     return IoList.parse(f"tag;signal;x;y;z;{title}\n{rows}", **options)
 
 
@@ -438,20 +444,14 @@ def every(text):
     return [cell for line in text.splitlines() for cell in line.split("|")]
 
 
-@pytest.mark.parametrize("cell", every(SAFE))
-def test_a_cell_says_that_a_point_is_intrinsically_safe(cell):
-    iolist = marked(cell, strict=True)
-    assert iolist.points["ex"].item()
-    assert f"IS (F) {cell!r} read as intrinsically safe" in notes(iolist)
-    assert notes(iolist)["intrinsically safe, each with a barrier"] == 1
-
-
-@pytest.mark.parametrize("cell", every(PLAIN))
-def test_a_cell_says_that_a_point_is_not_intrinsically_safe(cell):
-    iolist = marked(cell, strict=True)
-    assert iolist.points["ex"].item() == ""
-    assert f"IS (F) {cell!r} read as not intrinsically safe" in notes(iolist)
-    assert "intrinsically safe, each with a barrier" not in notes(iolist)
+@pytest.mark.parametrize("safe", [True, False])
+def test_a_cell_says_whether_a_point_is_intrinsically_safe(safe):
+    for cell in every(SAFE if safe else PLAIN):
+        iolist = marked(cell, strict=True)
+        assert bool(iolist.points["ex"].item()) is safe, cell
+        read = "read as intrinsically safe" if safe else "read as not intrinsically safe"
+        assert f"IS (F) {cell!r} {read}" in notes(iolist)
+        assert notes(iolist).get("intrinsically safe, each with a barrier", 0) == safe
 
 
 @pytest.mark.parametrize(("cell", "safe"), UNCLEAR.items())
@@ -519,9 +519,8 @@ def test_a_signal_and_a_column_that_disagree_are_a_doubt():
         IoList.parse(text, strict=True)
 
 
-@pytest.mark.parametrize("cell", [*every(SAFE), "Ex d", *UNCLEAR])
-def test_a_saved_list_has_the_same_intrinsically_safe_points(cell, tmp_path):
-    iolist = marked(cell)
+def test_a_saved_list_has_the_same_intrinsically_safe_points(tmp_path):
+    iolist = marked(*every(SAFE), "Ex d", *UNCLEAR)
     iolist.save(tmp_path / "list.csv")
     assert read_iolist(tmp_path / "list.csv").points["ex"].tolist() == iolist.points["ex"].tolist()
 
@@ -558,26 +557,23 @@ def test_a_point_that_is_not_intrinsically_safe_stays_on_the_bus():
 
 @pytest.mark.parametrize(
     ("title", "name", "cell", "value"),
-    [
-        ("Zyklus (s)", "update_ms", "2", 2000), ("Zyklus [ms]", "update_ms", "2", 2),
-        ("Takt", "update_s", "2", 2000), ("Takt s", "update_ms", "2", 2000),
-        ("X FROM AP (mm)", "x_m", "900", 0.9), ("X_mm", "x_m", "900", 0.9),
-        ("X ab HL, cm", "x_m", "900", 9), ("L (mm)", "home_run_m", "900", 0.9),
-    ],
-)  # fmt: skip
+    cases("""\
+Zyklus (s)|update_ms|2|2000;Zyklus [ms]|update_ms|2|2;Takt|update_s|2|2000;Takt s|update_ms|2|2000
+X FROM AP (mm)|x_m|900|0.9;X_mm|x_m|900|0.9;X ab HL, cm|x_m|900|9;L (mm)|home_run_m|900|0.9"""),
+)
 def test_the_unit_in_a_title_that_the_settings_map_counts(title, name, cell, value):
     own = Settings.parse(f'[columns]\n"{title}" = "{name}"\n').reading
     rest = "".join(f",{axis}" for axis in "yz" if name == "x_m")
     text = f'tag,type,"{title}"{rest}\nA1,DI,{cell}{",0" * (len(rest) // 2)}\n'
     column = name if name != "update_s" else "update_ms"
-    assert IoList.parse(text, reading=own).points[column].item() == value
+    assert IoList.parse(text, reading=own).points[column].item() == float(value)
 
 
 @pytest.mark.parametrize(
     ("title", "unit"),
-    [("Zyklus (m)", "m"), ("Zyklus (h)", "h"), ("Zyklus [s] (ms)", "s ms"), ("Zyklus [Hz]", "hz"),
-     ("Zyklus [x/y]", "x/y")],
-)  # fmt: skip
+    cases("""\
+Zyklus (m)|m;Zyklus (h)|h;Zyklus [s] (ms)|s ms;Zyklus [Hz]|hz;Zyklus [x/y]|x/y"""),
+)
 def test_a_unit_that_contradicts_or_is_unknown_is_refused(title, unit):
     own = Settings.parse(f'[columns]\n"{title}" = "update_ms"\n').reading
     with pytest.raises(InputError) as error:
@@ -597,12 +593,10 @@ def test_titles_in_two_rows_are_united_although_the_lower_one_has_more(tmp_path)
     lower = ",,,I/O type,Signal,X [m],Y,Z,"
     text = f"HULL 9\n{upper}\n{lower}\nA1,Bilge,JB1,DI,contact,1,2,3,fine\n"
     iolist = IoList.parse(text)
-    assert iolist.points.loc[0, ["tag", "system", "box", "x_m", "note"]].tolist() == [
-        "A1", "Bilge", "JB1", 1.0, "fine",
-    ]  # fmt: skip
-    assert iolist.reading().set_index("what").loc["titles in two rows", "rows"] == "2 to 3" or (
-        iolist.reading().set_index("what").loc["titles in two rows", "rows"] == "2 and 3"
-    )
+    first = iolist.points.loc[0, ["tag", "system", "box", "x_m", "note"]].tolist()
+    assert first == ["A1", "Bilge", "JB1", 1.0, "fine"]
+    rows = iolist.reading().set_index("what")["rows"]
+    assert rows["titles in two rows"] in ("2 to 3", "2 and 3")
     # A row above that adds no title is left out.
     assert IoList.parse(f"Doc,77,Rev. C\n{HEAD}A1,DI,contact,1,2,3\n").places.tolist() == [
         [1, 2, 3]
@@ -619,13 +613,22 @@ FRAME_ROWS = [["Frame", "x [mm]"], [0, 0], [30, 18000], [180, 138000]]
     "rows",
     [
         [["Geometry"], *FRAME_ROWS, ["Spacing varies"], [], ["Deck", "z [m]"], ["DK3", 8.0]],
-        [["Frame", "x [mm]", "", "Deck", "z [m]"], [0, 0, "", "DK3", 8], [30, 18000],
-         [180, 138000]],
-        [["Deck", "z [m]"], ["DK3", 8], ["Frame", "x [mm]", "Frame", "x [mm]"],
-         [0, 0, 180, 138000], [30, 18000]],
+        [
+            ["Frame", "x [mm]", "", "Deck", "z [m]"],
+            [0, 0, "", "DK3", 8],
+            [30, 18000],
+            [180, 138000],
+        ],
+        [
+            ["Deck", "z [m]"],
+            ["DK3", 8],
+            ["Frame", "x [mm]", "Frame", "x [mm]"],
+            [0, 0, 180, 138000],
+            [30, 18000],
+        ],
     ],
     ids=["stacked", "side by side", "twice"],
-)  # fmt: skip
+)
 def test_tables_of_frames_and_decks_are_found_on_one_sheet(rows, tmp_path):
     path = tmp_path / "list.xlsx"
     messy.as_workbook(PLACED, path, places=[("Geometry", rows)])
@@ -653,10 +656,15 @@ def test_faulty_tables_of_frames_do_not_matter_if_the_list_has_x_y_z(tmp_path):
     "mark", ['"', "〃", '-"-', "do.", "Ditto", "idem", "상동", "''", "wie oben"]
 )
 def test_ditto_marks_are_filled_and_counted(mark):
-    table = pd.DataFrame({
-        "tag": ["A1", "A2", "A3"], "type": "DI", "system": ["Bilge", mark, mark],
-        "box": ["JB1", mark, "JB2"], "home run": [5, mark, 7],
-    })  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "tag": ["A1", "A2", "A3"],
+            "type": "DI",
+            "system": ["Bilge", mark, mark],
+            "box": ["JB1", mark, "JB2"],
+            "home run": [5, mark, 7],
+        }
+    )
     iolist = IoList.from_table(table)
     assert iolist.points["system"].tolist() == ["Bilge"] * 3
     assert iolist.points["box"].tolist() == ["JB1", "JB1", "JB2"]
@@ -684,9 +692,8 @@ def test_a_ditto_mark_below_a_row_that_is_left_out_repeats_that_row(gone):
 
 
 def test_do_in_a_column_of_types_is_a_digital_output():
-    assert IoList.parse("tag,type\nA1,DI\nA2,do.\nA3,DO\n").points["type"].tolist() == [
-        "DI", "DO", "DO",
-    ]  # fmt: skip
+    points = IoList.parse("tag,type\nA1,DI\nA2,do.\nA3,DO\n").points
+    assert points["type"].tolist() == ["DI", "DO", "DO"]
 
 
 @pytest.mark.parametrize(
@@ -727,19 +734,26 @@ def test_cells_filled_from_merged_cells_are_listed(tmp_path):
 @pytest.mark.parametrize(
     ("cells", "values"),
     [
-        ([500, "1.000"], None), ([500.5, "1.000"], None), ([500, "1.000", "2,5"], [500, 1000, 2.5]),
-        ([500, "1,000", "2.5"], [500, 1000, 2.5]), ([500, 1.125], [500, 1.125]),
-        (["500", "1.000"], None), ([500, "0.250"], [500, 0.25]),
+        ([500, "1.000"], None),
+        ([500.5, "1.000"], None),
+        ([500, "1.000", "2,5"], [500, 1000, 2.5]),
+        ([500, "1,000", "2.5"], [500, 1000, 2.5]),
+        ([500, 1.125], [500, 1.125]),
+        (["500", "1.000"], None),
+        ([500, "0.250"], [500, 0.25]),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("form", ["workbook", "table"])
 def test_text_beside_the_numbers_of_a_workbook_is_read_only_if_it_is_clear(
     cells, values, form, tmp_path
 ):
-    table = pd.DataFrame({
-        "tag": [f"A{n}" for n in range(len(cells))], "type": "DI",
-        "scan [ms]": pd.Series(cells, dtype=object),
-    })  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "tag": [f"A{n}" for n in range(len(cells))],
+            "type": "DI",
+            "scan [ms]": pd.Series(cells, dtype=object),
+        }
+    )
     path = tmp_path / "list.xlsx"
     table.to_excel(path, index=False)
 
@@ -778,19 +792,16 @@ def test_a_row_whose_tag_is_struck_out_is_left_out(tmp_path):
 
 @pytest.mark.parametrize(
     ("note", "said"),
-    [
-        ("deleted, not fitted", "left out, deleted or not fitted, as a note says"),
-        ("Deleted per TQ-12", "left out, deleted or not fitted, as a note says"),
-        ("utgår", "left out, marked as deleted or spare"),
-        ("ikke montert", "left out, deleted or not fitted, as a note says"),
-        ("cancelled", "left out, marked as deleted or spare"),
-        ("replaces PS-3, which is deleted", "read, although a note says"),
-        ("void space, bilge", None), ("spare contact used", None), ("removable", None),
-    ],
-)  # fmt: skip
+    cases("""\
+deleted, not fitted|left out, deleted or not fitted, as a note says;removable|;spare contact used|
+Deleted per TQ-12|left out, deleted or not fitted, as a note says;void space, bilge|
+utgår|left out, marked as deleted or spare;cancelled|left out, marked as deleted or spare
+ikke montert|left out, deleted or not fitted, as a note says
+replaces PS-3, which is deleted|read, although a note says"""),
+)
 def test_a_note_that_a_point_is_gone_is_heeded_or_reported(note, said):
     iolist = IoList.parse(f'tag,type,remark\nA1,DI,\nA2,DI,"{note}"\n')
-    left_out = said is not None and said.startswith("left out")
+    left_out = said.startswith("left out")
     assert iolist.points["tag"].tolist() == ["A1"] + ["A2"] * (not left_out)
     table = iolist.reading()
     found = table[table["doubt"]]["what"].tolist()
@@ -816,18 +827,14 @@ def test_a_length_that_only_a_few_points_lack_is_named():
 
 @pytest.mark.parametrize(
     ("kind", "word", "signal"),
-    [
-        ("DO", "SOL. V/V 24VDC", "solenoid"), ("", "SOLENOID 24VDC", "solenoid"),
-        ("", "DI (DRY)", "contact"), ("", "NAMUR NJ2", "namur"), ("", "prox. NAMUR", "namur"),
-        ("AI", "K형 열전대", "thermocouple"), ("SER", "", "serial"),
-        ("SERIAL", "Modbus RTU", "serial"), ("AI", "0-10 VDC", "voltage_input"),
-        ("", "Relay 230 VAC", "solenoid"), ("", "0-24VDC", None), ("", "24VDC", None),
-        ("SER", "RTD 3W", None),
-    ],
-)  # fmt: skip
+    cases("""\
+DO|SOL. V/V 24VDC|solenoid;|SOLENOID 24VDC|solenoid;|DI (DRY)|contact;|NAMUR NJ2|namur
+|prox. NAMUR|namur;AI|K형 열전대|thermocouple;SER||serial;SERIAL|Modbus RTU|serial
+AI|0-10 VDC|voltage_input;|Relay 230 VAC|solenoid;|0-24VDC|;|24VDC|;SER|RTD 3W|"""),
+)
 def test_kinds_in_the_words_of_yards_are_read_or_refused(kind, word, signal):
     text = f"tag,type,signal\nA1,{kind},{word}\n"
-    if signal is None:
+    if not signal:
         assert only(text)
     else:
         assert IoList.parse(text).points["signal"].item() == signal
@@ -842,22 +849,18 @@ def test_the_settings_may_define_a_type_that_is_a_signal():
 
 @pytest.mark.parametrize(
     ("title", "cell", "y"),
-    [
-        ("P/S", "3.1(S)", -3.1), ("P/S", "(P) 3.1", 3.1), ("P/S", "3,1 S", -3.1), ("P/S", "CL", 0),
-        ("P/S", "StB 3.1", -3.1), ("Dist. from CL [m]", "4.2", 4.2),
-        ("Dist. from CL [m]", "-3.1", -3.1), ("Dist. from CL (mm)", "4200", 4.2),
-        ("Dist. from CL [m]", "4.2 P", 4.2), ("off CL [cm]", "S 310", -3.1),
-        ("P/S", "P -3.1", None), ("P/S", "P", None), ("P/S", "CL 3", None), ("P/S", "P 3 S", None),
-        ("P/S", "ER", None), ("P/S", "4.2 ft", None),
-    ],
-)  # fmt: skip
+    cases("""\
+P/S|3.1(S)|-3.1;P/S|(P) 3.1|3.1;P/S|3,1 S|-3.1;P/S|CL|0;P/S|StB 3.1|-3.1;Dist. from CL [m]|4.2|4.2
+Dist. from CL [m]|-3.1|-3.1;Dist. from CL (mm)|4200|4.2;Dist. from CL [m]|4.2 P|4.2
+off CL [cm]|S 310|-3.1;P/S|P -3.1|;P/S|P|;P/S|CL 3|;P/S|P 3 S|;P/S|ER|;P/S|4.2 ft|"""),
+)
 def test_a_side_is_read_or_refused_but_never_taken_for_0(title, cell, y):
     text = f'tag;type;frame;deck;{title}\nA1;DI;FR 30;DK3;"{cell}"\n'
-    if y is None:
+    if not y:
         assert ", column " in only(text, reading=FRAMES.reading)
         return
     iolist = IoList.parse(text, reading=FRAMES.reading)
-    assert iolist.places.tolist() == [[18, pytest.approx(y), 8]]
+    assert iolist.places.tolist() == [[18, pytest.approx(float(y)), 8]]
     unmarked = cell.strip("-").replace(".", "").isdigit()
     assert unmarked == any("as metres to port" in remark for remark in iolist.remarks)
 
@@ -893,12 +896,15 @@ def test_axes_may_come_from_frames_or_from_columns():
 # Hostile cells --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "cell",
-    ["9" * 100_000, "1" + "." * 50_000, "1," * 50_000, " " * 50_000 + "x", "(" * 50_000,
-     "P" * 50_000, "[m]" * 20_000, "1 " * 50_000, "fr" * 50_000, "deleted " * 20_000, "nan", "inf",
-     "1e999", "=1+1"],
-)  # fmt: skip
+HUGE = ["9" * 100_000, "[m]" * 20_000, "deleted " * 20_000, "nan", "inf", "1e999", "=1+1"]
+HUGE += [
+    "1" + "." * 50_000,
+    " " * 50_000 + "x",
+    *(c * 50_000 for c in ("1,", "(", "P", "1 ", "fr")),
+]
+
+
+@pytest.mark.parametrize("cell", HUGE)
 @pytest.mark.parametrize("title", ["x", "frame", "side", "update", "remark", "signal", "system"])
 def test_huge_and_odd_cells_are_read_at_once_or_refused(cell, title):
     table = pd.DataFrame({"tag": ["A1", "A2"], "type": "DI", title: ["", cell]})

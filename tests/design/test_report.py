@@ -48,8 +48,10 @@ class Page(HTMLParser):
 
 
 def pictures(page):
-    return [base64.b64decode(data).decode() for data in
-            re.findall(r'src="data:image/svg\+xml;base64,([^"]*)"', page)]  # fmt: skip
+    return [
+        base64.b64decode(data).decode()
+        for data in re.findall(r'src="data:image/svg\+xml;base64,([^"]*)"', page)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -132,10 +134,9 @@ def test_the_same_comparison_gives_the_same_bytes(comparison, page, tmp_path):
 
 def test_text_of_a_list_never_becomes_markup():
     small = small_loop()
-    hostile = IoList.from_table(pd.DataFrame({
-        "tag": HOSTILE, "system": HOSTILE, "signal": "contact", "x": [5.0, 6, 7, 8], "y": 1.0,
-        "z": 1.0, "note": HOSTILE,
-    }), source="<b>list</b>.csv")  # fmt: skip
+    words = dict.fromkeys(("tag", "system", "note"), HOSTILE)
+    table_ = pd.DataFrame({**words, "signal": "contact", "x": [5.0, 6, 7, 8], "y": 1.0, "z": 1.0})
+    hostile = IoList.from_table(table_, source="<b>list</b>.csv")
     found = hostile.compare(small.site, ["home runs", "Modbus RTU"])
     page = replace(found, remarks=("<u>",)).html(title="<i>$1</i>", date="</title>")
     parsed = Page(page)
@@ -147,41 +148,28 @@ def test_text_of_a_list_never_becomes_markup():
 
 def test_an_option_with_a_dollar_or_a_tag_in_its_name_is_drawn_as_it_is():
     small = small_loop()
-    named = {name: getattr(small, name) for name in
-             ("iolist", "site", "points", "devices", "cables", "segments", "reasons")}  # fmt: skip
-    odd = type(small)("$a_{<script>", **named)
+    odd = replace(small, name="$a_{<script>")
     page = compare([small, odd]).html()
     assert "script" not in Page(page).tags
 
 
+#: A list with a point that is too far away for a bus.
+FAR = IoList.parse("tag,signal,x,y,z\nA,contact,5,0,0\nB,contact,900,0,0")
+
+
 def test_points_that_do_not_fit_are_listed_with_their_reason(page):
-    far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
-                                   "y": 0.0, "z": 0.0}))  # fmt: skip
-    found = far.compare((0, 0, 4), ["home runs", "AS-i"])
+    found = FAR.compare((0, 0, 4), ["home runs", "AS-i"], rng=np.random.default_rng(1))
     words = Page(found.html()).text
     assert found.table()["points_left_out"].tolist() == [0, 1]
     assert "AS-i leaves out 1 of 2 points: B " in words
     assert all(reason in words for reason in found.reasons()["text"])
-    assert "does not fit" in words
+    assert "does not fit" in words and "(2 DI) of text, in no system." in words
     assert "Every point fits in every option." in Page(page).text
-
-
-def test_figures_name_options_that_leave_points_out():
-    far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
-                                   "y": 0.0, "z": 0.0}))  # fmt: skip
-    rng = np.random.default_rng(1)
-    page = far.compare(small_loop().site, ["home runs", "AS-i"], rng=rng).html()
-    assert "(2 DI) of table, in no system." in Page(page).text
-    named = ["AS-i (1 left out)" in figure for figure in pictures(page)[:4]]
+    named = ["AS-i (1 left out)" in figure for figure in pictures(found.html())[:4]]
     assert named == [True, True, True, False]  # the last one compares complete options only
-
-
-def test_no_difference_is_drawn_if_all_options_leave_points_out():
-    far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
-                                   "y": 0.0, "z": 0.0}))  # fmt: skip
-    page = far.compare(small_loop().site, ["AS-i", "CAN"]).html()
-    assert len(pictures(page)) == 3 + 2  # and a drawing of each design
-    assert "Effect of each assumption" not in page
+    none = FAR.compare(small_loop().site, ["AS-i", "CAN"]).html()
+    assert len(pictures(none)) == 3 + 2  # and a drawing of each design
+    assert "Effect of each assumption" not in none
 
 
 def test_only_a_verdict_is_coloured():
@@ -210,8 +198,8 @@ LIST = "tag,signal,system,x,y,z,home run\n" + "\n".join(
 def test_the_command_prints_a_table_and_writes_a_report(tmp_path, capsys):
     points, report = tmp_path / "points.csv", tmp_path / "report.html"
     points.write_text(LIST, encoding="utf-8")
-    command = ["design", str(points), "-o", str(report), "--options", "home runs, CAN", "--mix",
-               "DI=modbus rtu doubled", "--cabinet", "0,0,0", "--date", "today"]  # fmt: skip
+    command = ["design", str(points), "-o", str(report), "--options", "home runs, CAN"]
+    command += ["--mix", "DI=modbus rtu doubled", "--cabinet", "0,0,0", "--date", "today"]
     assert main(command) == 0
     out = capsys.readouterr().out
     assert out.startswith("8 points (8 DI) of points.csv\n")
@@ -252,34 +240,28 @@ def test_a_list_without_places_has_no_position_of_the_cabinet(tmp_path, capsys):
     assert "give its position x, y, z in m" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["nowhere.csv"], "nowhere.csv: cannot be read"),
-        (["LIST", "--cabinet", "1,2"], "cabinet is '1,2'; it must be three numbers"),
-        (["LIST", "--cabinet", "1,2,nan"], "cabinet is"),
-        (["LIST", "--mix", "DI"], "--mix is 'DI'; it must be WHAT=OPTION, such as DI=AS-i"),
-        (
-            ["LIST", "--mix", "DI=CAN", "--mix", "DI=AS-i"],
-            "--mix assigns 'DI' to both CAN and AS-i",
-        ),
-        (
-            ["LIST", "--mix", "XX=CAN"],
-            "mix names 'XX'; it is not a tag, signal, system, category or",
-        ),
-        (["LIST", "--mix", "DI=DALI"], "--mix names 'DALI'; it must be one of home runs"),
-        (["LIST", "--rules", "KR"], "rules is 'KR'; it must be one of DNV"),
-        (["LIST", "--rules", "own.csv"], "own.csv: cannot be read"),
-        (["LIST", "--options", "home runs,DALI"], "--options names 'DALI'; it must be one of home"),
-        (["LIST", "--settings", "own.toml"], "own.toml: cannot be read"),
-        (["--settings", "own.toml", "--show-settings"], "own.toml: cannot be read"),
-        ([], "no LIST is given"),
-        (["LIST", "--options", "CAN,CAN"], "--options lists CAN twice"),
-        (["LIST", "--sheet", "S"], "has no sheet 'S'"),
-        (["LIST", "-o", "/nowhere/at/all.html"], "all.html'; there is no folder"),
-    ],
-)
-def test_a_mistake_is_reported_in_one_line(arguments, message, tmp_path, capsys):
+MISTAKES = """\
+nowhere.csv|nowhere.csv: cannot be read
+LIST --cabinet 1,2|cabinet is '1,2'; it must be three numbers
+LIST --cabinet 1,2,nan|cabinet is
+LIST --mix DI|--mix is 'DI'; it must be WHAT=OPTION, such as DI=AS-i
+LIST --mix DI=CAN --mix DI=AS-i|--mix assigns 'DI' to both CAN and AS-i
+LIST --mix XX=CAN|mix names 'XX'; it is not a tag, signal, system, category or
+LIST --mix DI=DALI|--mix names 'DALI'; it must be one of home runs
+LIST --rules KR|rules is 'KR'; it must be one of DNV
+LIST --rules own.csv|own.csv: cannot be read
+LIST --options DALI|--options names 'DALI'; it must be one of home
+LIST --settings own.toml|own.toml: cannot be read
+--settings own.toml --show-settings|own.toml: cannot be read
+|no LIST is given
+LIST --options CAN,CAN|--options lists CAN twice
+LIST --sheet S|has no sheet 'S'
+LIST -o /nowhere/at/all.html|all.html'; there is no folder"""
+
+
+@pytest.mark.parametrize(("words", "message"), [m.split("|") for m in MISTAKES.splitlines()])
+def test_a_mistake_is_reported_in_one_line(words, message, tmp_path, capsys):
+    arguments = words.split()
     points = tmp_path / "points.csv"
     points.write_text(LIST, encoding="utf-8")
     options = [] if "--options" in arguments else ["--options", "home runs"]

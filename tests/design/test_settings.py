@@ -45,11 +45,21 @@ def test_every_value_has_a_meaning_and_a_legal_range(name):
 
 #: Another legal value for each setting.
 OTHERS = {
-    "detour": 1.3, "tails": 0, "host_time": 0.25, "spare": 0.5, "update": 2,
-    "fed": False, "feeder": "MI1P075", "can.bit_rates": [125_000], "modbus.bit_rates": [9600],
-    "modbus.character": "8N2", "asi.cable": "ASI_FLAT", "can.cable": "N2K_MID",
-    "modbus.cable": "RS485_9843", "assumptions.labour_rate": [55, 60.5, 70],
-}  # fmt: skip
+    "detour": 1.3,
+    "tails": 0,
+    "host_time": 0.25,
+    "spare": 0.5,
+    "update": 2,
+    "fed": False,
+    "feeder": "MI1P075",
+    "can.bit_rates": [125_000],
+    "modbus.bit_rates": [9600],
+    "modbus.character": "8N2",
+    "asi.cable": "ASI_FLAT",
+    "can.cable": "N2K_MID",
+    "modbus.cable": "RS485_9843",
+    "assumptions.labour_rate": [55, 60.5, 70],
+}
 
 
 def other(name):
@@ -60,9 +70,9 @@ def other(name):
         return not value
     if isinstance(value, Range):
         return [value.nominal, value.nominal, value.high + 1]
-    return value - 1 if isinstance(value, int) and value > 1 else value + 1 if isinstance(
-        value, int
-    ) else 0.9 * value  # fmt: skip
+    if isinstance(value, int):
+        return value - 1 if value > 1 else value + 1
+    return 0.9 * value
 
 
 def test_printed_settings_are_read_back_unchanged():
@@ -189,13 +199,11 @@ def test_files_that_are_not_settings_are_refused_in_one_line(text, fault):
     assert len(str(error.value)) < 400 and "\n" not in str(error.value)
 
 
-words = st.sampled_from(
-    ["detour", "asi", "[asi]", "[assumptions]", "gland", "length", " = ", "\n", ".", "[1, 2, 3]",
-     "1.5", "true", '"8E1"', "{}", "nan", "-1", "#", "[[can]]", "'", '"""', "\\", "\r", "\0"]
-)  # fmt: skip
+WORDS = "detour asi [asi] [assumptions] gland length . 1.5 true {} nan -1 # '".split()
+WORDS += ["[1, 2, 3]", '"8E1"', "[[can]]", '"""', " = ", "\n", "\\", "\r", "\0"]
 
 
-@given(st.lists(words, max_size=12).map("".join) | st.text(max_size=40))
+@given(st.lists(st.sampled_from(WORDS), max_size=12).map("".join) | st.text(max_size=40))
 @example("\ufeffdetour = 1.5")
 def test_any_text_is_read_as_settings_or_raises_an_input_error(text):
     try:
@@ -209,8 +217,9 @@ def test_any_text_is_read_as_settings_or_raises_an_input_error(text):
 def test_any_encoding_and_line_ending_of_an_editor_is_read(tmp_path):
     path = tmp_path / "own.toml"
     for data in (
-        "detour = 1.5\r\ntails = 3\r\n".encode("utf-8-sig"), "detour=1.5\ntails=3".encode("utf-16"),
-    ):  # fmt: skip
+        "detour = 1.5\r\ntails = 3\r\n".encode("utf-8-sig"),
+        "detour=1.5\ntails=3".encode("utf-16"),
+    ):
         path.write_bytes(data)
         assert Settings.read(path) == Settings({"detour": 1.5, "tails": 3})
 
@@ -246,9 +255,11 @@ def test_a_comparison_and_its_report_show_changed_settings():
     told = found.changes().set_index("name")
     assert set(told["designs"]) == {"all"}
     assert told["value"].to_dict() == {
-        "detour": 1.4, "host_time": 0.25, "can.nodes": 8,
+        "detour": 1.4,
+        "host_time": 0.25,
+        "can.nodes": 8,
         "assumptions.can_station": Range(500, 500, 500),
-    }  # fmt: skip
+    }
     assert told["default"]["can.nodes"] == 50
     page = found.html()
     assert "Values that differ from the defaults." in page
@@ -282,29 +293,6 @@ def test_the_command_takes_a_file_and_prints_one(tmp_path, capsys):
     assert main(["design", "--settings", str(own), "--show-settings", "--set", "fed=false"]) == 0
     expected = Settings({"detour": 1.5}).replace({"fed": False, "assumptions.labour_rate": 70})
     assert Settings.parse(capsys.readouterr().out) == expected
-
-
-@pytest.mark.parametrize(
-    ("text", "row", "factor"),
-    [
-        ("host_time = 50", "rules violated", 2),
-        ("[asi]\ninputs = 1", "total cost [EUR]", 1.1),
-        ("[assumptions]\nlabour_rate = 200", "total cost [EUR]", 1.5),
-        ("tails = 50", "cable length [km]", 1.5),
-    ],
-)
-def test_every_kind_of_value_in_a_file_reaches_what_is_printed(text, row, factor, tmp_path, capsys):
-    points, own = tmp_path / "list.csv", tmp_path / "own.toml"
-    points.write_text(LIST, encoding="utf-8")
-    own.write_text(text, encoding="utf-8")
-    command = ["design", str(points), "--cabinet", "0,0,5", "--options", "as-i"]
-    cells = []
-    for more in ([], ["--settings", str(own)]):
-        assert main([*command, *more]) == (1 if "rules violated" in row and more else 0)
-        lines = capsys.readouterr().out.splitlines()
-        (line,) = (line for line in lines if line.startswith(row))
-        cells.append(float(line.split()[-1].replace(",", "")))
-    assert cells[1] > factor * cells[0]
 
 
 def test_the_settings_are_printed_without_docstrings_too():

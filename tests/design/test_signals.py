@@ -19,19 +19,8 @@ def test_conductors_of_the_papers():
     assert hardwired_conductors({"rtd_3wire": 62, "current_loop": 18, "contact": 19}) == 260
 
 
-def test_common_returns_are_counted_once_per_group():
-    assert hardwired_conductors({"contact_common": 8}) == 9
-    assert hardwired_conductors({"contact_common": 0}) == 0
-    assert hardwired_conductors({"contact_common": 8, "contact": 1}) == 11
-
-
 def test_no_points_need_no_conductors():
     assert hardwired_conductors({}) == lines_needed(0) == 0
-
-
-def test_lines_at_their_limits():
-    assert [lines_needed(n) for n in (1, 62, 63, 124)] == [1, 1, 2, 2]
-    assert lines_needed(32, slaves_per_line=31) == 2
 
 
 @pytest.mark.parametrize(

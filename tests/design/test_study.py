@@ -23,15 +23,15 @@ def test_each_row_agrees_with_a_separate_comparison():
     assert len(table) == 12
     for detour in (1.0, 1.6):
         for points in (4, 16):
-            alone = LIST.compare(
-                (0, 0, 8), WAYS, rules="IMO",
-                settings={"boxes.points": points, "detour": detour, "tails": 4},
-            ).table().reset_index()  # fmt: skip
+            values = {"boxes.points": points, "detour": detour, "tails": 4}
+            found = LIST.compare((0, 0, 8), WAYS, rules="IMO", settings=values)
+            alone = found.table().reset_index()
             mine = table[(table["detour"] == detour) & (table["boxes.points"] == points)]
             pd.testing.assert_frame_equal(
-                mine.drop(columns=["detour", "boxes.points"]).reset_index(drop=True), alone,
+                mine.drop(columns=["detour", "boxes.points"]).reset_index(drop=True),
+                alone,
                 check_exact=True,
-            )  # fmt: skip
+            )
 
 
 def test_a_varied_setting_changes_only_its_own_figures():
@@ -72,12 +72,3 @@ def test_an_error_in_a_comparison_names_the_grid_point():
     with pytest.raises(ArgumentError, match="option is 'DALI'") as error:
         LIST.study({"detour": [1.0]}, SITE, ["DALI"])
     assert error.value.__notes__ == ["in task 0: {'detour': 1.0}"]
-
-
-def test_progress_is_reported_after_each_comparison():
-    told = []
-    LIST.study(
-        {"spare": [0.1, 0.2, 0.3]}, SITE, ["home runs"],
-        progress=lambda *state: told.append(state),
-    )  # fmt: skip
-    assert told == [(1, 3), (2, 3), (3, 3)]

@@ -31,22 +31,6 @@ def yard(tmp_path):
     return tmp_path, command
 
 
-@pytest.mark.parametrize("form", ["list.csv", "list.xlsx"])
-def test_every_faulty_row_is_named_with_its_place_and_no_other(yard, form, capsys):
-    folder, command = yard
-    sheet, _, bad = messy.rows()
-    if form == "list.csv":
-        (folder / form).write_bytes(messy.as_csv(sheet))
-    else:
-        messy.as_workbook(sheet, folder / form)
-    assert main(command(form, "--faults", str(folder / "faults.csv"))) == 2
-    faults = read(folder / "faults.csv")
-    # A tag that is listed twice is a fault of the second row, which names the first.
-    assert {int(fault["row"]) for fault in faults} == set(bad)
-    assert all(fault["fault"] for fault in faults)
-    assert len(bad) == 20
-
-
 def test_the_corrected_list_gives_a_schedule_to_order_from(yard, capsys):
     folder, command = yard
     sheet, expected, _ = messy.rows(several(300, 1000), faulty=False)
@@ -62,8 +46,10 @@ def test_the_corrected_list_gives_a_schedule_to_order_from(yard, capsys):
         own, other = (folder / form / option for form in ("csv", "xlsx"))
         assert (own / "cables.csv").read_bytes() == (other / "cables.csv").read_bytes()
         cables = read(own / "cables.csv")
-        places = {row["device"]: [float(row[f"{axis}_m"]) for axis in "xyz"]
-                  for row in read(own / "devices.csv")}  # fmt: skip
+        places = {
+            row["device"]: [float(row[f"{axis}_m"]) for axis in "xyz"]
+            for row in read(own / "devices.csv")
+        }
         # The places of the points are the expected ones, not those that were read.
         places |= {tag: [x, y, z] for tag, (_, _, x, y, z, _) in expected.items()}
         assert len({row["cable"] for row in cables}) == len(cables)
@@ -77,9 +63,15 @@ def test_the_corrected_list_gives_a_schedule_to_order_from(yard, capsys):
             cable = catalogue.loc[row["type"]]
             assert row["description"] == cable["description"]
             assert int(row["cores"]) == int(cable["conductors"]) >= int(row["cores_used"]) > 0
-        (km,) = [row["cable_length_km"] for row in read(folder / "csv" / "comparison.csv")
-                 if row["design"] == option]  # fmt: skip
+        (km,) = [
+            row["cable_length_km"]
+            for row in read(folder / "csv" / "comparison.csv")
+            if row["design"] == option
+        ]
         assert total / 1e3 == pytest.approx(float(km), rel=1e-8)
-        ends = {(row["from"], row["from_terminal"]) for row in read(own / "terminals.csv")
-                if row["carries"] != "spare" and row["from"] != "cabinet"}  # fmt: skip
+        ends = {
+            (row["from"], row["from_terminal"])
+            for row in read(own / "terminals.csv")
+            if row["carries"] != "spare" and row["from"] != "cabinet"
+        }
         assert all(terminal.isdecimal() for _, terminal in ends)

@@ -54,11 +54,21 @@ OWN = Settings.parse('[columns]\n"FROM AP (cm)" = "x_m"\n').reading
 def lists(draw):
     """Return rows of numbers by column, and the same as the text of a list."""
     length = st.integers(1, 99_000).map(lambda n: n / 100)
-    rows = draw(st.lists(st.tuples(
-        st.sampled_from(["Bilge", "Fuel", "Cooling"]), st.sampled_from(["contact", "rtd_3wire"]),
-        length, length.map(lambda y: y - 400), length, length,
-        st.integers(1, 9).map(lambda n: 250 * n),
-    ), min_size=2, max_size=8))  # fmt: skip
+    rows = draw(
+        st.lists(
+            st.tuples(
+                st.sampled_from(["Bilge", "Fuel", "Cooling"]),
+                st.sampled_from(["contact", "rtd_3wire"]),
+                length,
+                length.map(lambda y: y - 400),
+                length,
+                length,
+                st.integers(1, 9).map(lambda n: 250 * n),
+            ),
+            min_size=2,
+            max_size=8,
+        )
+    )
     points = [dict(zip(TITLES, (f"T-{n}", *row), strict=True)) for n, row in enumerate(rows)]
     columns = draw(st.permutations(list(TITLES)))
     chosen = {name: draw(st.sampled_from(TITLES[name])) for name in columns}
@@ -75,9 +85,13 @@ def lists(draw):
                 continue
             factor = chosen[name][1]
             if style == "unit":  # the unit of a cell overrides that of its title
-                factor, unit = draw(st.sampled_from(
-                    [(1, "ms"), (0.001, "s")] if name == "update_ms" else [(1, " m"), (1000, "mm")]
-                ))  # fmt: skip
+                factor, unit = draw(
+                    st.sampled_from(
+                        [(1, "ms"), (0.001, "s")]
+                        if name == "update_ms"
+                        else [(1, " m"), (1000, "mm")]
+                    )
+                )
             cell = f"{value * factor:.7f}".rstrip("0").rstrip(".")
             cell = cell.replace(".", mark) + (unit if style == "unit" else "")
             if style == "wide":

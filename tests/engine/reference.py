@@ -5,6 +5,9 @@ Every job of every CPU is simulated; a Modbus interrupt suspends all other work.
 
 from collections import deque
 from math import inf
+from operator import itemgetter
+
+import networkx
 
 from shipnet.engine.faults import (
     BusOff,
@@ -21,62 +24,46 @@ def ns(seconds):
     return round(seconds * 1e9)
 
 
+CABLE, BOX = (ModbusBreak, DeadPort), (DeadBox,)
+
+
 def requests(system, duration, phase, faults):
     """Return (start, channel, fate) of all requests, by following each along the line.
 
     A fate is served, damaged (the AMS receives only the beginning of a response), unread (the box
     works, but the AMS receives nothing) or deaf.
     """
-    answered = ns(system.poll.time)
-    bits = system.serial.frame_time
+    bits, answered = system.serial.frame_time, ns(system.poll.time)
     silent = ns(bits(8) + system.timeout)
 
-    def working(channel, time, kinds):
-        """Return whether line and port, or the box, work at a time."""
-        box = system.boxes[0 if channel == 0 else -1]
+    def works(kinds, channel, begin, end, closed=True):
+        """Return whether line and port, or the box, work at both ends and each change between."""
+        names = {str(channel + 1), system.boxes[0 if channel == 0 else -1]}
+        changes = {t for fault in faults for t in fault.span if begin < t < end}
         return not any(
-            type(f) in kinds
-            and f.where == (box if type(f) is DeadBox else str(channel + 1))
-            and f.span[0] <= time < f.span[1]
-            for f in faults
+            type(fault) in kinds and fault.where in names and fault.span[0] <= t < fault.span[1]
+            for fault in faults
+            for t in [begin, *changes, *([end] if closed else [])]
         )
 
-    def moments(begin, end):
-        """Return all times of changes within an interval, and its two ends."""
-        edges = {t for f in faults for t in f.span}
-        return [begin, *sorted(t for t in edges if begin < t < end), end]
-
-    def certain(what, channel, time):
-        for fault in faults:
-            if type(fault) is not LostModbusFrames or fault.where != str(channel + 1):
-                continue
-            assert {fault.request, fault.response} <= {0.0, 1.0}
-            if fault.span[0] <= time < fault.span[1] and getattr(fault, what):
-                return True
-        return False
+    def lost(what, channel, time):
+        losses = [f for f in faults if type(f) is LostModbusFrames and f.where == str(channel + 1)]
+        assert {chance for f in losses for chance in (f.request, f.response)} <= {0.0, 1.0}
+        return any(f.span[0] <= time < f.span[1] and getattr(f, what) for f in losses)
 
     def fate(start, channel):
-        cable, box = (ModbusBreak, DeadPort), (DeadBox,)
-        request_end = start + ns(bits(8))
         read = start + ns(bits(8) + system.serial.t35)
         first = start + ns(bits(8) + system.serial.t35 + system.firmware.processing)
         last = start + ns(system.poll.time - system.serial.t35)
-        # The request is on the line; its first instant is included, its last one is not.
-        if not all(working(channel, t, cable) for t in moments(start, request_end)[:-1]):
+        # The first instant of a frame on the line is included, its last one is not.
+        sent = works(CABLE, channel, start, start + ns(bits(8)), closed=False)
+        if not sent or not works(BOX, channel, start, read) or lost("request", channel, start):
             return "deaf"
-        if not all(working(channel, t, box) for t in moments(start, read)):
-            return "deaf"
-        if certain("request", channel, start):
-            return "deaf"
-        # The box processes the request.
-        if not all(working(channel, t, box) for t in moments(read, first)):
+        # The box processes the request; when the response begins, the AMS waits for its end.
+        if not works(BOX, channel, read, first) or not works(CABLE, channel, first, first):
             return "unread"
-        # The response begins; the AMS now waits for its end.
-        if not working(channel, first, cable):
-            return "unread"
-        if not all(working(channel, t, cable + box) for t in moments(first, last)[:-1]):
-            return "damaged"
-        return "damaged" if certain("response", channel, first) else "served"
+        whole = works(CABLE + BOX, channel, first, last, closed=False)
+        return "served" if whole and not lost("response", channel, first) else "damaged"
 
     def port(channels):
         favourite, tick = channels[0], phase
@@ -98,8 +85,7 @@ def requests(system, duration, phase, faults):
                 tick += ns(system.poll_period)
 
     both = system.polled == "both"
-    found = [*port([0]), *port([1])] if both else [*port([0, 1])]
-    return sorted(found), answered
+    return sorted([*port([0]), *port([1])] if both else port([0, 1]))
 
 
 class Box:
@@ -153,41 +139,35 @@ class Box:
 
 
 def islands(system, faults, now):
+    """Return, for each box, the boxes that it can reach on CAN, itself included."""
+
     def broken(kinds, where):
         return any(
             type(f) in kinds and f.where == where and f.span[0] <= now < f.span[1] for f in faults
         )
 
-    n = len(system.boxes)
-    able = [not broken((DeadBox, BusOff), box) for box in system.boxes]
-    reach = []
-    for k in range(n):
-        found, todo = {k}, [k]
-        while todo:
-            here = todo.pop()
-            for segment in system.segments:
-                ends = [system.boxes.index(end) for end in segment.split("-")]
-                if here in ends and not broken((CanBreak,), segment):
-                    other = ends[0] + ends[1] - here
-                    if other not in found:
-                        found.add(other)
-                        todo.append(other)
-        reach.append({j for j in found if able[j]} if able[k] else set())
-    return reach
+    bus = networkx.empty_graph(system.boxes)
+    intact = [segment for segment in system.segments if not broken((CanBreak,), segment)]
+    bus.add_edges_from(segment.split("-") for segment in intact)
+    able = {box for box in system.boxes if not broken((DeadBox, BusOff), box)}
+    parts = [networkx.node_connected_component(bus, box) & able for box in system.boxes]
+    return [
+        {system.boxes.index(other) for other in part} if box in part else set()
+        for box, part in zip(system.boxes, parts, strict=True)
+    ]
 
 
 def run_reference(system, duration, faults, phases):
     """Return [(seen, {message: (samples, known) or None})] for every answer."""
     warm = 4 * int(system.period_ns.max()) + 10**9
     boxes = [Box(system, k, ns(phases[b]), warm) for k, b in enumerate(system.boxes)]
-    asked, answered = requests(system, duration, ns(phases["AMS"]), faults)
     silence = ns(system.serial.frame_time(8) + system.serial.t35)
+    answered = ns(system.poll.time)
     reads = deque(
-        (start + silence, 0 if channel == 0 else len(boxes) - 1, start + answered, what, channel)
-        for start, channel, what in asked
+        (start + silence, (0, len(boxes) - 1)[channel], start + answered, what, channel)
+        for start, channel, what in requests(system, duration, ns(phases["AMS"]), faults)
         if what != "deaf"
     )
-    reads = deque(sorted(reads))
     gap = round(3e9 / system.can_bit_rate)
     kinds = (CanBreak, DeadBox, BusOff)
     borders = deque(sorted({t for f in faults if type(f) in kinds for t in f.span if t < 1 << 61}))
@@ -296,18 +276,15 @@ def run_reference(system, duration, faults, phases):
                 queued.remove(frame)
                 free = now + int(system.frame_ns[frame[0]])
                 wires[island] = [free - gap, free, frame, set(island), False]
-    return merge(system, answers)
-
-
-def merge(system, answers):
-    answers.sort(key=lambda answer: answer[0])
+    # The AMS shows the newest values that it holds from either channel.
     held, rows = {}, {}
-    for seen, channel, table in answers:
+    for seen, channel, table in sorted(answers, key=lambda answer: answer[0]):
         held[channel] = table
-        view = {}
-        tables = held.values() if system.polled == "both" else [table]
-        for message in range(len(system.sender)):
-            found = [t[message] for t in tables if message in t]
-            view[message] = max(found, key=lambda f: f[1]) if found else None
-        rows[seen] = view
+        tables = list(held.values()) if system.polled == "both" else [table]
+        rows[seen] = {
+            message: max(
+                (t[message] for t in tables if message in t), key=itemgetter(1), default=None
+            )
+            for message in range(len(system.sender))
+        }
     return sorted(rows.items())

@@ -125,16 +125,6 @@ def test_a_useless_crc_violates_its_rule(monkeypatch):
     assert verdicts(GOOD)["CRC"] == "violated"
 
 
-def test_a_dead_part_without_a_spare_costs_its_box():
-    sizes = {box: len(points) for box, points in POINTS.by_box().items()}
-    table = Redundancy.compare(POINTS)
-    single = table[table.design == "one of each"]
-    assert dict(zip(single.dead, single.points_lost, strict=True)) == {
-        f"{kind} 1 of {box}": n for kind in ("supply", "cpu") for box, n in sizes.items()
-    }
-    assert (table[table.design == "two of each"].points_lost == 0).all()
-
-
 def test_lists_of_names_become_tuples():
     listed = Description(POINTS, protocols=["CAN"], links={"1": ["JB1"], "2": ["JB3"]})
     assert listed.protocols == ("CAN",)

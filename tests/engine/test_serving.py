@@ -170,11 +170,6 @@ def test_a_fault_is_a_place_and_an_event(words, fault):
     assert parse_fault(System(), words) == fault
 
 
-def test_a_silent_box_leaves_the_other_one_alone():
-    slaves = serve(faults=parse_fault(System(), "2:dead"), speed=0).slaves
-    assert [bool(slaves[unit].answer(ALL, 1.0)) for unit in (2, 3)] == [False, True]
-
-
 def test_broken_wires_read_the_value_that_the_card_computes():
     tag, card = "ME-JB2-044", InputCard(POINTS)
     place = next(k for k, point in enumerate(POINTS) if point.tag == tag)

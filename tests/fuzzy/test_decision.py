@@ -61,11 +61,6 @@ def test_each_unit_has_its_own_persistence():
     assert together.codes(39, 2) == alone.codes(39)
 
 
-def test_a_strength_at_the_threshold_is_an_alarm():
-    column = [0.29, 0.3, 0.31]
-    assert of_rule("O1", column).decide(threshold=0.3).top.tolist() == ["normal", "O1", "O1"]
-
-
 def test_without_any_sensor_the_state_is_undetermined():
     firing = BASE.fire({"OT": [math.nan, 50, 95, math.nan]})
     decision = firing.decide()
@@ -105,6 +100,13 @@ def test_the_sentence_names_the_other_codes_and_bad_sensors():
     )
 
 
+def test_strengths_that_are_not_a_matrix_are_not_drawn():
+    with pytest.raises(ArgumentError, match="at most two can be drawn"):
+        BASE.fire({"FP": [[1]]}).plot()
+    with pytest.raises(ArgumentError, match="2 labels; expected 1"):
+        BASE.fire({"FP": [1]}).plot(["a", "b"])
+
+
 @pytest.mark.parametrize("index", [(), (3,), (-4,), (0, 0)])
 def test_an_index_outside_the_samples_is_refused(index):
     decision = of_rule("V1", [1, 1, 1]).decide()
@@ -118,11 +120,18 @@ def test_an_index_outside_the_samples_is_refused(index):
 @pytest.mark.parametrize(
     "arguments",
     [
-        {"threshold": 0}, {"threshold": 1.01}, {"threshold": math.nan}, {"threshold": "0.5"},
-        {"k": 0}, {"k": 2},
-        {"n": 0}, {"k": 6, "n": 5}, {"k": 1.5, "n": 3}, {"n": True},
+        {"threshold": 0},
+        {"threshold": 1.01},
+        {"threshold": math.nan},
+        {"threshold": "0.5"},
+        {"k": 0},
+        {"k": 2},
+        {"n": 0},
+        {"k": 6, "n": 5},
+        {"k": 1.5, "n": 3},
+        {"n": True},
     ],
-)  # fmt: skip
+)
 def test_arguments_out_of_range_are_refused(arguments):
     with pytest.raises(ArgumentError, match=f"{next(iter(arguments))} is"):
         of_rule("V1", [1, 1, 1]).decide(**arguments)

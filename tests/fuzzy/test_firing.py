@@ -120,29 +120,6 @@ def test_a_threshold_of_one_half_equals_the_midpoint_comparison(table):
     assert ((fuzzy.strength >= 0.5) == (crisp.strength == 1))[clear].all()
 
 
-@given(rows)
-def test_printed_comparisons_hold_as_in_python(table):
-    meaning = {
-        "FP.high": lambda x: x > 120, "FP.none": lambda x: x < 2.5,
-        "OP.high": lambda x: x >= 2.5, "OP.low": lambda x: 0 < x < 2.5,
-        "MC.zero": lambda x: x == 0, "MC.run": lambda x: 0 < x < 2.5,
-        "MC.over": lambda x: x > 2.5, "OT.hot": lambda x: x >= 90,
-        "VPos.above": lambda x: x > 100, "VPos.below": lambda x: x < 0,
-        "DVPos.still": lambda x: x == 0,
-    }  # fmt: skip
-    firing = BASE.fire(samples_of(table), "crisp")
-    for row, found in zip(table, firing.strength, strict=True):
-        sensors = dict(zip(BASE.names, row, strict=True))
-        for rule, strength in zip(BASE.rules, found, strict=True):
-            pairs = rule.antecedent
-            holds = all(
-                BASE[name].valid[0] <= sensors[name] <= BASE[name].valid[1]
-                and meaning[f"{name}.{term}"](sensors[name])
-                for name, term in pairs
-            )
-            assert strength == holds
-
-
 def test_a_missing_sensor_never_raises_a_strength():
     given_all = uniform(500)
     full = BASE.fire(given_all)
@@ -181,7 +158,9 @@ def test_normal_is_one_minus_the_greatest_possible_strength():
 def test_many_samples_give_the_same_as_each_alone():
     n = 3 * 8192 + 5
     samples = uniform(n)
+    copies = {name: x.copy() for name, x in samples.items()}
     firing = BASE.fire(samples)
+    assert all(np.array_equal(samples[name], copies[name]) for name in samples)
     for place in (0, 8191, 8192, 16384, n - 1):
         alone = BASE.fire({name: x[place] for name, x in samples.items()})
         assert alone.strength.shape == (12,)
@@ -198,13 +177,6 @@ def test_samples_of_several_valves_keep_their_axes():
         assert np.array_equal(alone.strength, firing.strength[:, unit])
     spread = BASE.fire({"FP": np.full((30, 1), 125), "MC": np.zeros(4)})
     assert spread.strength.shape == (30, 4, 12) and (spread["G1"] == 1).all()
-
-
-def test_the_inputs_are_not_changed():
-    samples = uniform(50)
-    copies = {name: x.copy() for name, x in samples.items()}
-    BASE.fire(samples)
-    assert all(np.array_equal(samples[name], copies[name]) for name in samples)
 
 
 @pytest.mark.parametrize(
@@ -237,6 +209,7 @@ def test_values_beyond_the_universe_count_as_its_ends_except_in_printed_comparis
     assert base.fire(samples, "crisp")["on"].tolist() == [1, 1]
     assert base.fire(samples, "crisp").strength.dtype == np.float64
     assert base.fire(samples)["on"].tolist() == [0.75, 0.75]
+    assert base.fire({"x": np.float32([5])}).strength.dtype == np.float64
 
 
 def test_empty_samples_make_empty_results():
@@ -272,38 +245,12 @@ def test_a_variable_that_no_rule_uses_is_left_out_of_the_control_system():
     assert np.allclose(theirs, small.fire(samples).strength, rtol=0, atol=TOLERANCE)
 
 
-def test_a_control_system_has_the_terms_on_its_points_and_a_consequent_per_rule():
-    low = Term("low", (-math.inf, -math.inf, 1.5, 2.5), "x < 2")
-    high = Term("high", (7.5, 8.5, math.inf, math.inf), "x > 8")
-    rules = (Rule("cold", (("x", "low"),), 1), Rule("hot", (("x", "high"),), 2))
-    system = RuleBase((Variable("x", "", 0, 10, (low, high)),), rules).to_skfuzzy()
-    (x,) = system.antecedents
-    assert x.universe.size == 101 and x.universe[[0, -1]].tolist() == [0, 10]
-    assert {1.5, 2.5, 7.5, 8.5} <= set(x.universe)
-    for term in (low, high):
-        assert np.array_equal(x[term.name].mf, term.membership(x.universe))
-    made = {consequent.label: consequent for consequent in system.consequents}
-    assert sorted(made) == ["cold", "hot"]
-    for consequent in made.values():
-        assert consequent.universe.tolist() == consequent["on"].mf.tolist() == [0, 0.5, 1]
-    # A corner between the evenly spaced points is also a point.
-    odd = Term("high", (7.55, 8.55, math.inf, math.inf), "x > 8")
-    (x,) = RuleBase((Variable("x", "", 0, 10, (odd,)),), rules[1:]).to_skfuzzy().antecedents
-    assert x.universe.size == 103 and {7.55, 8.55} <= set(x.universe)
-
-
 def test_corners_between_the_points_are_also_points_of_scikit_fuzzy():
     term = Term("high", (7.52, 7.56, math.inf, math.inf), "x > 7.54")
     base = RuleBase((Variable("x", "", 0, 10, (term,)),), (Rule("on", (("x", "high"),), 1),))
     # Without them scikit-fuzzy interpolates 0.5 between its points at 7.5 and 7.6.
     assert base.fire({"x": 7.55})["on"] == pytest.approx(0.75, abs=1e-12)
     assert control_strengths(base, {"x": 7.55}).tolist() == [pytest.approx(0.75, abs=1e-12)]
-
-
-def test_single_precision_is_computed_in_double():
-    x = {"FP": np.float32([125, 120]), "MC": 0}
-    assert BASE.fire(x).strength.dtype == np.float64
-    assert BASE.fire(x)["G1"].tolist() == [1, 0.5]
 
 
 def test_scikit_fuzzy_is_loaded_only_when_needed():

@@ -105,10 +105,15 @@ def test_membership_keeps_the_shape():
 @pytest.mark.parametrize(
     "corners",
     [
-        (1, 0, 2, 3), (0, 1, 2), (0, 1, 2, math.nan), (-INF, -INF, INF, INF), (-INF, 0, 1, 2),
-        (0, 1, 2, INF), (INF, INF, INF, INF),
+        (1, 0, 2, 3),
+        (0, 1, 2),
+        (0, 1, 2, math.nan),
+        (-INF, -INF, INF, INF),
+        (-INF, 0, 1, 2),
+        (0, 1, 2, INF),
+        (INF, INF, INF, INF),
     ],
-)  # fmt: skip
+)
 def test_corners_that_are_not_a_trapezoid_are_refused(corners):
     with pytest.raises(ArgumentError, match="corners are"):
         Term("a", corners, ANY)

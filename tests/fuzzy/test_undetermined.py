@@ -109,8 +109,12 @@ def test_a_missing_reading_that_decides_nothing_leaves_the_valve_normal():
     assert decision.explain() == "normal 1.00; missing OP"
     row = ballast.diagnose({**HEALTHY, "OP": NAN, "FP": 400}).table().iloc[0]
     assert row[["top", "active", "open", "missing", "out_of_range"]].tolist() == [
-        "undetermined", "", "V1 P2", "OP", "FP",
-    ]  # fmt: skip
+        "undetermined",
+        "",
+        "V1 P2",
+        "OP",
+        "FP",
+    ]
     assert math.isnan(row["strength"])
 
 

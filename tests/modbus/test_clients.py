@@ -27,6 +27,12 @@ def test_the_table_has_every_client_with_every_fault_of_its_transports():
     assert all(all(row.values()) for row in STORED)
 
 
+def test_no_client_is_disturbed_by_faults_that_it_cannot_notice():
+    # A delay or silence within the time-out must not disturb any client; else the bench is wrong.
+    seen = {row["verdict"] for row in STORED if row["fault"] in ("delay", "gap")}
+    assert seen == {"right value"}
+
+
 def test_each_row_counts_every_poll():
     for row in STORED:
         assert sum(int(row[outcome]) for outcome in run.OUTCOMES) == int(row["polls"]) == run.POLLS

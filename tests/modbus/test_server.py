@@ -385,7 +385,7 @@ def is_answered(client):
         return False
 
 
-def test_one_client_too_many_is_refused_until_another_one_leaves(caplog, monkeypatch):
+def test_one_busy_client_too_many_is_refused_and_counted(caplog, monkeypatch):
     monkeypatch.setattr(handlers, "_CLIENTS", 2)
     with serve({1: device()}) as server, raw(server) as one:
         with raw(server) as two:
@@ -400,8 +400,27 @@ def test_one_client_too_many_is_refused_until_another_one_leaves(caplog, monkeyp
                 return is_answered(four)
 
         wait_for(returned)
-    (line,) = caplog.messages
-    assert line == "connections are refused: 2 clients are connected"
+        refused = server._listener.refused
+    first, total = caplog.messages
+    assert first == "connections are refused: 2 clients are connected"
+    assert total == f"connections refused in all: {refused}" and refused >= 3
+
+
+def test_a_new_client_replaces_the_one_that_is_silent_longest(monkeypatch):
+    monkeypatch.setattr(handlers, "_CLIENTS", 8)
+    with serve({1: device()}) as server, raw(server) as good, ExitStack() as stack:
+        assert is_answered(good)
+        idle = [stack.enter_context(raw(server)) for _ in range(40)]
+        wait_for(lambda: len(server._listener.handlers) == 8)
+        assert is_answered(good)  # it has sent a request, so it stays
+        with raw(server) as newcomer:
+            assert is_answered(newcomer) and is_answered(good)
+        assert is_closed(idle[0]) and is_answered(idle[-1])
+        assert server._listener.refused == 0
+        monkeypatch.setattr(handlers, "_REPLACED", 0.0)
+        for _ in range(8):
+            assert is_answered(stack.enter_context(raw(server)))
+        assert is_closed(good)
 
 
 def test_connected_clients_are_answered_at_the_limit_of_file_descriptors():

@@ -54,7 +54,13 @@ TARGETS = {
         ["can/test_response.py", "can/test_priorities.py", "can/test_offsets.py"],
         ("x_*", "*ǁ[!p]*"),
     ),
-    "fuzzy firing": Target("fuzzy/firing", ["fuzzy/test_firing.py", "fuzzy/test_decision.py"]),
+    "fuzzy samples": Target("fuzzy/firing", ["fuzzy/test_firing.py", "fuzzy/test_decision.py"]),
+    "fuzzy firing": Target(
+        "fuzzy/rules", ["fuzzy/test_firing.py"], ("*ǁfire__*", "*ǁ_membership__*")
+    ),
+    "membership": Target(
+        "fuzzy/terms", ["fuzzy/test_terms.py"], ("*x_trapezoid__*", "*x_sloping__*")
+    ),
     "ring buffer": Target("remote_control/ring_buffer", ["remote_control/test_receive_ring.py"]),
     "voltage drop": Target(
         "line/network", ["line/test_networks.py"], ("*operating_point*", "*x__drop__*")

@@ -163,6 +163,13 @@ def test_a_ring_that_is_exactly_full_is_repaired_though_nothing_is_lost(size):
     assert not corrected.lost.any() and not corrected.stale.any()
 
 
+@pytest.mark.parametrize("size", SIZES)
+def test_by_the_printed_rule_even_one_byte_at_a_time_reaches_the_abnormal_cases(size):
+    table = Ring(size, "printed").explore(1)
+    assert {"a", "c"} <= set(table.case)
+    assert table.stale.any()
+
+
 @pytest.mark.parametrize(
     "form", [MarkerFormat("A"), MarkerFormat("B"), MarkerFormat("A", 1)], ids=str
 )

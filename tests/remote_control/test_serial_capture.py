@@ -40,6 +40,16 @@ def test_recorded_lines_are_read(name, rate, character, data, errors, glitches):
         assert set(right) == {0, *range(0x1A, 0x21)}  # as its author sent them
 
 
+def test_sentences_of_a_gps_receiver_have_the_right_checksums():
+    # A check independent of framing: NMEA 0183 ends each sentence with the XOR of its characters.
+    lines = read_capture(recording("gps.sr")).data.split(b"\r\n")
+    sentences = [line for line in lines if line[:1] == b"$" and line[-3:-2] == b"*"]
+    assert len(sentences) > 15
+    for line in sentences:
+        body, check = line[1:].split(b"*")
+        assert np.bitwise_xor.reduce(np.frombuffer(body, np.uint8)) == int(check, 16)
+
+
 def test_one_character_does_not_determine_the_form_and_a_stated_form_is_used():
     given = read_capture(recording("glitch.sr"), 115200, "8N1")
     assert (given.data, given.glitches, given.character) == (b"\x4f", 1, "8N1")
