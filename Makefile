@@ -146,7 +146,7 @@ fuzz: setup
 mutants: setup
 	@$(UV) pip install --quiet --python $(PY) --group mutants
 	@SHIPNET_COMPILED=0 $(PY) tests/mutants/run.py --left
-	@$(PY) tests/mutants/ledger.py
+	@$(PY) tests/mutants/ledger.py && $(PY) tests/mutants/ledger.py --draw 40
 
 clients: setup
 	@$(PY) benchmarks/modbus_clients/run.py $(UV)

@@ -39,6 +39,8 @@ MACHINERY = ("docs/_ext", "docs/_static", "docs/build.py", "docs/conf.py", "requ
 CAPTIONS = {"": "Start here", "lessons": "Lessons", "explore": "Tools", "papers": "Papers"}
 CAPTIONS |= {"real": "Real lines"}
 REFERENCE = ("ledger.md", "errata.md", "data/SOURCES.md", "api/shipnet.rst", "CHANGELOG.md")
+#: A link to a cell of a notebook, and to its anchor in the book.
+CELL_LINK = (".ipynb#cell-id=", ".html#")
 CLAIM_ID = re.compile(r"\b[a-z]+\d{4}-\d{3}\b")
 COLUMNS = ["id", "where", "claim", "the paper says", "we compute", "verdict"]
 
@@ -159,10 +161,13 @@ def ledger_page() -> str:
     parts = [
         "# Ledger",
         "What the papers print, and what shipnet computes. Each claim is followed by a note and "
-        "the evidence. Each computed value is followed by its deviation from the printed one and "
-        "its basis: a model of this package, arithmetic on printed or standard numbers, or a count "
-        "in the paper's tables. Each verdict is followed by its condition, unless it holds as "
-        "printed.",
+        "the evidence. Each computed value is followed by its deviation from the printed one. Each "
+        "verdict is followed by its grade of evidence and by its condition, unless it holds as "
+        "printed. The grades are, strongest first: *measurement*, recorded data; *independent*, "
+        "another program, a published table or a second derivation; *own simulator*, a model of "
+        "this package alone; *definition*, the way our code defines the thing. "
+        f"{done['measurement'].sum()} verdicts rest on a measurement, {done['independent'].sum()} "
+        "on independent evidence.",
         _table(["paper", *done.columns], counts),
     ]
     for key, claims in everything.table().reset_index().groupby("paper", sort=False):
@@ -171,6 +176,38 @@ def ledger_page() -> str:
             _table(COLUMNS, map(_claim, claims.to_dict("records")), "ledger claims"),
         ]
     return "\n\n".join(parts) + "\n"
+
+
+def papers_page() -> str:
+    """Return the papers section by section, with links to the cells of the notebooks."""
+    from shipnet.papers import contents
+
+    parts = [
+        "# The papers, section by section",
+        "What each section of a paper says, and the cells, figures, tables and claims that follow "
+        "it. The numbers of claims are those of the [ledger](ledger.md).",
+    ]
+    for key, title in PAPERS.items():
+        table = contents(key).html(f"notebooks/papers/{key}/").replace(*CELL_LINK)
+        table = f'```{{raw}} html\n<div class="wide">{table}</div>\n```'
+        parts += [f"## {key}", title, table]
+    return "\n\n".join(parts) + "\n"
+
+
+def anchored(notebook: str) -> str:
+    """Return a notebook with an anchor before each code cell and heading, for links to cells."""
+    read = json.loads(notebook)
+    cells: list[dict[str, Any]] = []
+    for cell in read["cells"]:
+        if cell["cell_type"] == "code" or "".join(cell["source"]).startswith("## "):
+            anchor = f'<a id="{cell["id"]}"></a>'
+            id = f"at-{cell['id']}"
+            cells.append({"cell_type": "markdown", "id": id, "metadata": {}, "source": [anchor]})
+        for output in cell.get("outputs", []):
+            lines = output.get("data", {}).get("text/html", [])
+            lines[:] = [line.replace(*CELL_LINK) for line in lines]
+        cells.append(cell)
+    return json.dumps({**read, "cells": cells})
 
 
 def errata_page() -> str:
@@ -277,7 +314,6 @@ def _claim(claim: dict[str, Any]) -> str:
     distance = [claim["match"]] if claim["match"].startswith(("factor", "differs")) else []
     if difference and not math.isnan(difference):
         distance.append(f"{100 * difference:+.2g} %")
-    distance += [f"by {claim['basis']}"] * bool(claim["basis"])
     evidence = claim["evidence"].removeprefix("shipnet.papers.")
     instead = f"correct: {claim['corrected']}" if claim["corrected"] else ""
     cells = [
@@ -286,7 +322,10 @@ def _claim(claim: dict[str, Any]) -> str:
         (claim["claim"], "; ".join(filter(None, [instead, claim["note"], evidence]))),
         (printed, ""),
         (computed, ", ".join(distance)),
-        (claim["verdict"] or claim["kind"], _condition(claim)),
+        (
+            claim["verdict"] or claim["kind"],
+            ". ".join(filter(None, [claim["grade"], _condition(claim)])),
+        ),
     ]
     linked = [(_linked(text), _linked(small)) for text, small in cells]
     return _row(linked, f' id="{claim["id"]}"')
@@ -317,7 +356,9 @@ def sources(root: Path) -> dict[str, bytes]:
     files = {path.relative_to(docs).as_posix(): path.read_bytes() for path in pages}
     for path in copies.rglob("*.ipynb"):
         if path.parent.name != "solutions":  # not in the book; teachers use the notebooks
-            files[f"notebooks/{path.relative_to(copies).as_posix()}"] = path.read_bytes()
+            name = f"notebooks/{path.relative_to(copies).as_posix()}"
+            text = path.read_text(encoding="utf-8")
+            files[name] = (anchored(text) if path.parent.parent.name == "papers" else text).encode()
     for path in (root / "notebooks").rglob("README.md"):
         files[path.relative_to(root).as_posix()] = path.read_bytes()
     # The data files can be downloaded; relative links in the notebooks lead to these paths.
@@ -328,6 +369,7 @@ def sources(root: Path) -> dict[str, bytes]:
         "errata.md": errata_page(),
         "glossary.md": glossary_page(),
         "ledger.md": ledger_page(),
+        "papers.md": papers_page(),
         "tested_against.md": tested_page(root),
         **dict(api_pages(root)),
     }

@@ -3,8 +3,8 @@
     python docs/renew.py
 
 This script rewrites the checksums in data/SOURCES.md, the counts in README.md and, for each paper,
-the number of claims that a model judges in tests/papers/expected_ledger.json. This number may only
-grow. The script prints the names of the files that it changed.
+the number of judged claims in tests/papers/expected_ledger.json. This number may only grow. The
+script prints the names of the files that it changed.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 COUNTS = (
-    "Of {claims} claims, {model} are judged by a model of the package, {arithmetic} by arithmetic"
-    " and {count} by counting, and none is open"
+    "Of {claims} claims, {measurement} are judged by a measurement, {independent} by another"
+    " program, a published table or a second derivation, {own_simulator} by our own simulators and"
+    " {definition} by definition, and none is open"
 )
 
 
@@ -39,7 +40,7 @@ def counts(text: str, totals: dict[str, int]) -> str:
     names = re.findall(r"{(\w+)}", COUNTS)
 
     def renewed(said: re.Match[str]) -> str:
-        numbers = iter(str(totals[name]) for name in names)
+        numbers = iter(str(totals[name.replace("_", " ")]) for name in names)
         return re.sub(r"\d+", lambda _: next(numbers), said[0])
 
     return re.sub(pattern, renewed, text)
@@ -49,13 +50,15 @@ def main(root: Path = ROOT) -> int:
     """Update the files of a checkout and return the exit code."""
     sys.path.insert(0, str(root))
     from shipnet.papers import ledger
+    from shipnet.papers.judging import GRADES
 
     table = ledger().counts()
     recorded = root / "tests" / "papers" / "expected_ledger.json"
     before = json.loads(recorded.read_text(encoding="utf-8"))
-    now = {paper: int(number) for paper, number in table["model"].items()}
+    judged = table[list(GRADES)].sum(axis=1)
+    now = {paper: int(number) for paper, number in judged.items()}
     if fallen := [paper for paper in now if now[paper] < before.get(paper, 0)]:
-        print(f"fewer claims are judged by a model than before: {', '.join(fallen)}")
+        print(f"fewer claims are judged than before: {', '.join(fallen)}")
         return 1
     sources, readme = root / "data" / "SOURCES.md", root / "README.md"
     totals = {name: int(number) for name, number in table.sum().items()}

@@ -49,7 +49,9 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
     if not arguments.summary:
         table = ledger.table().reset_index()
         tables = {"claims": table, **tables}
-        lines = [f"{'claim':<15}{'published':>16}  {'computed':<14}{'by':<11}{'verdict':<20}what"]
+        lines = [
+            f"{'claim':<15}{'published':>16}  {'computed':<14}{'grade':<15}{'verdict':<20}what"
+        ]
         for row in table.to_dict("records"):
             published = shorten(row["published"], 16, placeholder="..")
             computed = computed_text(row)
@@ -59,7 +61,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
             condition = "" if as_printed else f" ({row['holds_under']})"
             instead = f" -> {row['corrected']}" if row["corrected"] else ""
             lines.append(
-                f"{row['id']:<15}{published:>16}  {computed:<14}{row['basis']:<11}{verdict:<20}"
+                f"{row['id']:<15}{published:>16}  {computed:<14}{row['grade']:<15}{verdict:<20}"
                 f"{row['claim']}{unit}{instead}{condition}"
             )
         lines += ["", "->: correction; *: holds under the condition in the last brackets", ""]

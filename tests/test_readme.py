@@ -51,7 +51,9 @@ def test_the_counts_are_those_of_the_ledger():
     table = ledger().counts().sum()
     assert table["open"] == 0
     said = (
-        f"Of {table['claims']} claims, {table['model']} are judged by a model of the package, "
-        f"{table['arithmetic']} by arithmetic and {table['count']} by counting, and none is open"
+        f"Of {table['claims']} claims, {table['measurement']} are judged by a measurement, "
+        f"{table['independent']} by another program, a published table or a second derivation, "
+        f"{table['own simulator']} by our own simulators and {table['definition']} by definition, "
+        "and none is open"
     )
     assert said in " ".join(README.split())

@@ -24,9 +24,10 @@ def test_a_check_sum_is_that_of_the_file_and_other_rows_stay():
 
 
 def test_the_counts_of_the_readme_are_renewed_across_its_line_breaks():
-    totals = {"claims": 9001, "model": 9002, "arithmetic": 9003, "count": 9004}
+    totals = {"claims": 9001, "measurement": 9002, "independent": 9003, "own simulator": 9004}
+    totals["definition"] = 9005
     new = renew.counts(README, totals)
     words = " ".join(new.split())
-    assert "Of 9001 claims, 9002 are judged by a model of the package" in words
-    assert "9003 by arithmetic and 9004 by counting" in words
+    assert "Of 9001 claims, 9002 are judged by a measurement, 9003 by another program" in words
+    assert "9004 by our own simulators and 9005 by definition" in words
     assert len(new.splitlines()) == len(README.splitlines())

@@ -1,4 +1,4 @@
-"""Add an alternative text to each figure of a notebook, and a CSS class to its tables of claims."""
+"""Add an alternative text to each figure of a notebook."""
 
 from __future__ import annotations
 
@@ -15,13 +15,10 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 
-CLAIMS = "<th>the paper says</th>"
-
-
 class Captions(SphinxTransform):
     """Use each figure's caption as its alternative text; drop the figure's fixed height.
 
-    myst-nb itself uses the image's hash as the alternative text. Tables of claims get a CSS class.
+    myst-nb itself uses the image's hash as the alternative text.
     """
 
     default_priority = 400
@@ -37,10 +34,6 @@ class Captions(SphinxTransform):
                 else:
                     logger.warning("no caption below this figure", location=image)
                 image.attributes.pop("height", None)
-            for table in cell.findall(nodes.raw):
-                if CLAIMS in table.astext():
-                    named = table.astext().replace('class="dataframe"', 'class="dataframe claims"')
-                    table[:] = [nodes.Text(named)]
 
 
 def setup(app: Sphinx) -> ExtensionMetadata:

@@ -80,7 +80,7 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
 def plot_ages(
     ages: pd.DataFrame, *, ax: Axes | None, limits: Mapping[str, float] | None, label: str
 ) -> Axes:
-    """Draw the age of a point over time; a bar near the top shows when the point is marked."""
+    """Draw the age of a point over time; the background is shaded while the point is marked."""
     ax = style.axes(ax)
     good = ages["age_s"].notna()
     gap = np.full(len(ages), np.nan)
@@ -91,20 +91,13 @@ def plot_ages(
     y[:, 2] = np.where(joined, np.append(ages["age_s"].iloc[1:], np.nan), np.nan)
     (line,) = ax.plot(x.ravel(), y.ravel(), label=label or None)
     bad = ages[ages["good_until_s"] < ages["until_s"]]
-    if len(bad):
-        ax.hlines(
-            np.full(len(bad), 0.97 - 0.06 * len(ax.collections)),
-            bad["good_until_s"],
-            bad["until_s"],
-            color=line.get_color(),
-            linewidth=5,
-            label=f"{label}, marked".lstrip(", "),
-            transform=ax.get_xaxis_transform(),
-        )
+    marked = f"{label}, marked".lstrip(", ")
+    for begin, end in zip(bad["good_until_s"], bad["until_s"], strict=True):
+        ax.axvspan(begin, end, color=line.get_color(), alpha=0.15, lw=0, label=marked)
+        marked = "_"
     for name, value in (limits or {}).items():
         style.limit(ax, value, name)
     ax.set(xlabel="time [s]", ylabel="age [s]")
-    ax.margins(y=0.2)  # keep the line clear of the bars
     ax.set_ylim(bottom=0)
     if label or len(bad):
         style.legend(ax)

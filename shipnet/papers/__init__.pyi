@@ -8,3 +8,4 @@ from .judging import ledger as ledger
 from .judging import show as show
 from .registry import PAPERS as PAPERS
 from .registry import figure as figure
+from .sections import contents as contents

@@ -7,9 +7,9 @@ two values and the printed precision; the verdict is a judgement.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Collection, Hashable, Mapping
 from functools import cache
+from html import escape
 from typing import Any
 
 from shipnet import datasets, style
@@ -24,11 +24,16 @@ UNDECIDED = ("not verified", "not reproducible", "open")
 #: The condition of a verdict that needs no qualification.
 AS_PRINTED = "as printed"
 
-#: Colour of each treatment of a claim: its basis if it is judged, or else the reason why not.
+#: What a verdict rests on, strongest first: recorded data; another program, a published table or a
+#: second derivation; a model of ours alone; or how our code defines the thing.
+GRADES = ("measurement", "independent", "own simulator", "definition")
+
+#: Colour of each treatment of a claim: its grade if it is judged, or else the reason why not.
 _COLOURS = {
-    "model": "#0072B2",
-    "arithmetic": "#56B4E9",
-    "count": "#D55E00",
+    "measurement": "#D55E00",
+    "independent": "#0072B2",
+    "own simulator": "#56B4E9",
+    "definition": "#b9dcf2",
     "ours": "#009E73",
     "erratum": "#CC79A7",
     "context": "#d9d9d9",
@@ -37,6 +42,9 @@ _COLOURS = {
     "open": "#E69F00",
 }
 TREATMENTS = tuple(_COLOURS)
+
+#: Attribute of a cell that contains text; a notebook would align it to the right.
+LEFT = 'style="text-align: left; vertical-align: top"'
 
 
 class Claim:
@@ -97,15 +105,16 @@ class Ledger:
         """Return every claim, indexed by its id.
 
         `published` is as printed; `computed` is a float, or a bool for a statement, or None if not
-        computed; `relative_difference` is computed / published - 1.
+        computed; `margin` is the relative distance of a statement from its limit, negative if it
+        does not hold; `relative_difference` is computed / published - 1.
         """
         return pd.DataFrame([_judge(claim) for claim in self._claims]).set_index("id")
 
     def counts(self) -> pd.DataFrame:
-        """Return the number of claims of each paper by basis, or by the reason for not judging."""
+        """Return the number of claims of each paper by grade, or by the reason for not judging."""
         table = pd.DataFrame(self._claims)
         status = table.apply(_status, axis="columns")
-        counted = pd.crosstab(table["paper"], table["basis"].where(status == "judged", status))
+        counted = pd.crosstab(table["paper"], table["grade"].where(status == "judged", status))
         order = table["paper"].unique()
         counted = counted.reindex(index=order, columns=list(TREATMENTS), fill_value=0)
         counted.columns.name, counted.index.name = None, "paper"
@@ -131,7 +140,7 @@ class Ledger:
                 bars,
                 [str(n) if n >= 4 else "" for n in number],
                 label_type="center",
-                color="white" if treatment in ("model", "count", "ours") else "black",
+                color="white" if treatment in ("independent", "measurement", "ours") else "black",
             )
             left = left + number
         ax.invert_yaxis()
@@ -144,10 +153,10 @@ class Ledger:
         return len(self._claims)
 
     def __str__(self) -> str:
-        status = [_status(claim) for claim in self._claims]
+        counts = self.counts().sum()
         agree = sum(claim["verdict"] == "agrees" for claim in self._claims)
-        judged, left = status.count("judged"), status.count("open")
-        return f"{len(self)} claims, {judged} judged, {agree} agree, open: {left}"
+        graded = ", ".join(f"{counts[grade]} {grade}" for grade in GRADES)
+        return f"{len(self)} claims; judged: {graded}; {agree} agree, open: {counts['open']}"
 
     def __repr__(self) -> str:
         return f"<Ledger of {self.paper or 'all papers'}: {self}>"
@@ -180,8 +189,49 @@ def ledger(paper: str | None = None) -> Ledger:
     return Ledger(paper)
 
 
-def show(*claims: str) -> pd.DataFrame:
-    """Show claims with the printed value, our value, the verdict and its reason.
+class Shown:
+    """Some claims: each with its verdict in words, both values, and the reason in its own line."""
+
+    def __init__(self, ids: Collection[str]) -> None:
+        self._rows: dict[str, dict[str, str]] = {}
+        for claim in _claims_by_id(ids):
+            row = _judge(claim)
+            source = [str(row[name]) for name in ("id", "where", "grade")]
+            self._rows[source[0]] = {
+                "claim": str(row["claim"]),
+                "verdict": _verdict(row),
+                "the paper says": _says(row),
+                "we compute": _ours(row),
+                "reason": _reason(row),
+                "source": ", ".join(filter(None, source)),
+            }
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per claim, indexed by its id; `source` is its id, place and grade."""
+        return pd.DataFrame.from_dict(self._rows, orient="index")
+
+    def __repr__(self) -> str:
+        lines = []
+        for row in self._rows.values():
+            values = [f"{name}: {row[name]}" for name in list(row)[2:4] if row[name]]
+            lines += [f"{row['claim']}: {row['verdict']}", "  " + "; ".join(values)]
+            lines += [f"  {row['reason']}", f"  [{row['source']}]"]
+        return "\n".join(line for line in lines if line.strip())
+
+    def _repr_html_(self) -> str:
+        heads = ("claim", "verdict", "the paper says", "we compute")
+        cells = "".join(f"<th {LEFT}>{head}</th>" for head in heads)
+        lines = ['<table class="dataframe shown">', f"<thead><tr>{cells}</tr></thead>", "<tbody>"]
+        for row in self._rows.values():
+            cells = "".join(f"<td {LEFT}>{escape(row[head])}</td>" for head in heads)
+            below = f"{escape(row['reason'])} <i>{row['source']}</i>".strip()
+            lines += [f"<tr>{cells}</tr>"]
+            lines += [f'<tr><td colspan="4" {LEFT}><small>{below}</small></td></tr>']
+        return "\n".join([*lines, "</tbody></table>"])
+
+
+def show(*claims: str) -> Shown:
+    """Show claims with the verdict in words, both values, and the reason in its own line.
 
     Parameters
     ----------
@@ -190,8 +240,8 @@ def show(*claims: str) -> pd.DataFrame:
 
     Returns
     -------
-    pandas.DataFrame
-        One row per claim, in the order given.
+    Shown
+        The claims in the order given; ``table()`` returns them as a DataFrame.
 
     Raises
     ------
@@ -200,19 +250,13 @@ def show(*claims: str) -> pd.DataFrame:
 
     Examples
     --------
-    >>> show("kim2023-004").loc["kim2023-004", "we compute"]
-    '0.4032 %'
+    >>> show("kim2023-074")
+    Conductors left with AS-i on the submarine, as a percentage of the hardwired ones: misprint
+      the paper says: 0.7 %; we compute: 7.368 %
+      Correct: 7.4 %. 28 of 380 is 7.4 %: the decimal point is in the wrong place
+      [kim2023-074, 3.5.g]
     """
-    ids = " ".join(map(str, claims)).split()
-    rows = [_judge(claim) for claim in _claims_by_id(ids)]
-    shown = {
-        "where": [row["where"] for row in rows],
-        "claim": [row["claim"] for row in rows],
-        "the paper says": [_says(row) for row in rows],
-        "we compute": [_ours(row) for row in rows],
-        "verdict": [_verdict(row) for row in rows],
-    }
-    return pd.DataFrame(shown, index=ids)
+    return Shown(" ".join(map(str, claims)).split())
 
 
 def as_number(text: str) -> float:
@@ -265,7 +309,9 @@ def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
     load([claim["paper"]])
     recomputation = REGISTRY.get(claim["id"])
     computed: Any = recomputation.value if recomputation else None
-    difference, outcome = math.nan, ""
+    difference, outcome, margin = math.nan, "", math.nan
+    if claim["kind"] == "qualitative" and isinstance(computed, float):
+        computed, margin = computed >= 0, computed
     if recomputation and claim["precision"]:
         published = as_number(claim["value"])
         outcome = match(published, computed, as_number(claim["precision"]))
@@ -277,7 +323,9 @@ def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
         "published": claim["value"],
         "unit": claim["unit"],
         "computed": computed,
+        "margin": margin,
         "basis": claim["basis"],
+        "grade": claim["grade"],
         "relative_difference": difference,
         "match": outcome,
         "verdict": claim["verdict"],
@@ -314,20 +362,31 @@ def _ours(row: Mapping[str, Any]) -> str:
     """Return the computed value, with its unit if it is a number."""
     text = computed_text(row)
     unit = "" if isinstance(row["computed"], bool) or not text else row["unit"]
-    return f"{text} {unit}".strip()
+    margin = "" if math.isnan(row["margin"]) else f"(margin {row['margin']:.2g})"
+    return f"{text} {margin or unit}".strip()
+
+
+#: Verdicts and kinds in words.
+_WORDS = {
+    "unit": "wrong unit",
+    "assumption differs": "differs under our assumption",
+    "erratum": "misprint",
+    "context": "not judged",
+    "ours": "our number",
+}
 
 
 def _verdict(row: Mapping[str, Any]) -> str:
-    """Return the verdict, its condition (unless "as printed"), and why the values differ."""
-    verdict = str(row["verdict"] or row["kind"])
-    if row["holds_under"] not in ("", AS_PRINTED):
-        verdict += f" ({row['holds_under']})"
-    if verdict.startswith(("agrees", "ours", "context")):
-        return verdict
-    instead = f"Instead: {row['corrected']}" if row["corrected"] else ""
-    # Only the first sentence: a full stop ends it only before a capital, so not in "p. 5".
-    why = re.split(r"\.(?:\s+(?=[A-Z])|$)", str(row["note"]))[0]
-    return ". ".join(filter(None, [verdict, instead, why[:1].upper() + why[1:]]))
+    """Return the verdict in words, or why there is none."""
+    word = str(row["verdict"] or row["kind"])
+    return _WORDS.get(word, word)
+
+
+def _reason(row: Mapping[str, Any]) -> str:
+    """Return the condition of a verdict (unless "as printed"), the correction, and the note."""
+    held, instead, note = (str(row[name]) for name in ("holds_under", "corrected", "note"))
+    parts = [held if held != AS_PRINTED else "", f"Correct: {instead}" if instead else "", note]
+    return ". ".join(part[:1].upper() + part[1:] for part in parts if part)
 
 
 def format_computed(value: object, published: str = "") -> str:

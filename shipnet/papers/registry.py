@@ -1,7 +1,8 @@
 """The functions that recompute claims and draw figures of the papers.
 
-The function of a *numeric* claim returns our number, and the function of a *qualitative* claim
-returns whether the statement holds. Functions have named inputs, so that a test can change an input
+The function of a *numeric* claim returns our number. The function of a *qualitative* claim returns
+whether the statement holds or, as a float, by which fraction of its limit: negative if it does not
+hold. Functions have named inputs, so that a test can change an input
 and see the result change. Claims that differ only in their inputs share a function.
 """
 
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar
 
-from shipnet import style
+from shipnet import datasets, style
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_choice
 from shipnet.lazy import Axes
@@ -36,7 +37,7 @@ class Recomputation:
 
     @cached_property
     def value(self) -> Any:
-        """The number, or whether the statement holds."""
+        """The number, or whether the statement holds, or its margin."""
         return self()
 
     @property
@@ -57,8 +58,9 @@ PAPERS: Mapping[str, str] = {
 #: Claim id -> its function; filled as the modules of the papers are imported.
 REGISTRY: dict[str, Recomputation] = {}
 
-#: (paper, item) -> function that draws a printed figure on given axes.
-FIGURES: dict[tuple[str, str], Callable[..., Any]] = {}
+#: (paper, item) -> function that draws a printed figure on given axes, and its size [inch] if the
+#: usual one is too small.
+FIGURES: dict[tuple[str, str], tuple[Callable[..., Any], tuple[float, float] | None]] = {}
 
 
 def load(papers: Collection[str] = tuple(PAPERS)) -> None:
@@ -77,7 +79,8 @@ def check(
 ) -> Callable[[Function], Function]:
     """Register a function, with these inputs, as the check of qualitative claims.
 
-    With the inputs of `counter` the result must be the opposite; a test verifies this.
+    With the inputs of `counter` the result must be the opposite, or a margin of the opposite sign;
+    a test verifies this.
     """
 
     def decorate(function: Function) -> Function:
@@ -96,18 +99,20 @@ def is_legal(function: Callable[..., object], *arguments: object, **named: objec
     return True
 
 
-def drawing(paper: str, *items: str) -> Callable[[Function], Function]:
+def drawing(
+    paper: str, *items: str, figsize: tuple[float, float] | None = None
+) -> Callable[[Function], Function]:
     """Register a function that draws printed figures on given axes."""
 
     def decorate(function: Function) -> Function:
-        FIGURES.update({(paper, item): function for item in items})
+        FIGURES.update({(paper, item): (function, figsize) for item in items})
         return function
 
     return decorate
 
 
 def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes:
-    """Draw a figure of a paper from our models and outlines.
+    """Draw a figure, or a table that is a drawing, from our models and outlines.
 
     Parameters
     ----------
@@ -128,7 +133,7 @@ def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes
     Raises
     ------
     ArgumentError
-        If no function draws the figure; the message lists the figures that are drawn.
+        If no function draws the item; the message lists the items that are drawn.
 
     Examples
     --------
@@ -140,9 +145,9 @@ def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes
     # Drawings are registered when their module is imported, which loads matplotlib.
     with suppress(ModuleNotFoundError):
         importlib.import_module(f"shipnet.papers.{paper}.plot")
-    drawn = sorted(name for key, name in FIGURES if key == paper)
-    if item not in drawn:
-        legal = f"it must be one of {', '.join(drawn)}" if drawn else f"{paper} has no drawings"
-        raise ArgumentError(f"item is {item!r}; {legal}")
-    made: Axes = FIGURES[paper, item](ax=style.axes(ax), **inputs)
+    printed = datasets.read("figures_tables.csv").query("paper == @paper")["item"]
+    drawn = [name for name in printed if (paper, name) in FIGURES]
+    function, figsize = FIGURES[paper, check_choice("item", item, drawn)]
+    options = {"figsize": figsize} if figsize else {}
+    made: Axes = function(ax=style.axes(ax, **options), **inputs)
     return made

@@ -147,7 +147,8 @@ def plot_time_chart(run: Any, ax: Axes | None, start: float, stop: float) -> Axe
         )
     ax = style.axes(ax)
     row = {name: y for y, name in enumerate(("BCS", "RCS", "SS"))}
-    lost = [packet.outcome == "lost" for packet in shown]
+    # What the end of the run cuts off is not lost.
+    lost = [packet.outcome == "lost" and packet.end <= run.until for packet in shown]
     for packet, is_lost in zip(shown, lost, strict=True):
         block = Rectangle(
             (packet.start, row[packet.source] - 0.3),
@@ -159,7 +160,7 @@ def plot_time_chart(run: Any, ax: Axes | None, start: float, stop: float) -> Axe
             hatch="////" if is_lost else None,
         )
         ax.add_patch(block)
-        if not is_lost:
+        if packet.outcome != "lost":
             side = 0.3 if row[packet.target] > row[packet.source] else -0.3
             ax.annotate(
                 "",

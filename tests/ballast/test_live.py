@@ -124,6 +124,6 @@ def test_a_bad_argument_is_named(make, message):
 
 
 def test_a_rate_below_those_printed_is_too_slow():
-    # At the slowest printed rate all tests pass, as kim2014, part 3 shows. At this rate the
+    # At the slowest printed rate all tests pass, as kim2014, part 4 shows. At this rate the
     # screen is older than the time left of the 10 s after a stroke.
     assert not all(step.passed for step in _remote(partial(Bed, bit_rate=300)))

@@ -102,11 +102,11 @@ def test_a_phone_shows_claims_and_glossary_without_scrolling_aside(page, url, si
         expect(cell).to_be_in_viewport(ratio=1, timeout=LONG)
     page.goto(f"{url}/glossary.html")
     assert page.evaluate(CUT, ".table-wrapper") == []
-    claims = pages_with(site, 'class="dataframe claims"')
+    claims = pages_with(site, 'class="dataframe shown"')
     assert len(claims) > 10
     for name in claims:
         page.goto(f"{url}/{name}")
-        assert page.evaluate(CUT, ".text_html:has(.claims)") == [], name
+        assert page.evaluate(CUT, ".text_html:has(.shown)") == [], name
 
 
 def test_the_book_opens_from_the_disk_without_a_network(page, site):

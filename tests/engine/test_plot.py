@@ -37,6 +37,21 @@ def test_an_empty_timeline_is_refused(ax, run):
         run.plot_timeline(50, 51, ax)
 
 
+def test_ages_are_drawn_as_a_sawtooth_with_the_values_of_the_table(ax, run):
+    run.plot_ages("ME-JB2-044", ax, limits={"rule": 2.0}, label="point")
+    ages = run.ages("ME-JB2-044")
+    saw = ax.lines[0].get_ydata()
+    assert np.nanmax(saw) == pytest.approx(ages["last_age_s"].max())
+    assert np.nanmax(saw) == pytest.approx(run.table().loc["ME-JB2-044", "worst_s"])
+    bad = ages[ages["good_until_s"] < ages["until_s"]]
+    assert len(bad) > 0 and not ax.collections
+    # The background is shaded at all ages: a bar at some age would look like a value.
+    spans = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in ax.patches]
+    assert np.allclose(spans, bad[["good_until_s", "until_s"]])
+    assert all(patch.get_height() == 1 for patch in ax.patches)
+    assert ax.lines[1].get_ydata()[0] == 2.0
+
+
 def test_a_value_on_the_screen_is_that_of_its_sampling_time(run, values):
     table = run.screen(13.0, values).table()
     for place in (0, 50, 98):

@@ -7,7 +7,7 @@ import re
 
 from shipnet.errors import InputError
 from shipnet.papers import PAPERS
-from shipnet.papers.judging import AS_PRINTED, UNDECIDED, as_number
+from shipnet.papers.judging import AS_PRINTED, GRADES, UNDECIDED, as_number
 
 COLUMNS = (
     "id",
@@ -22,6 +22,7 @@ COLUMNS = (
     "holds_under",
     "corrected",
     "basis",
+    "grade",
     "evidence",
     "note",
 )
@@ -83,6 +84,13 @@ def _faults(claim, number, first):
     if (kind == "erratum" or verdict in UNDECIDED) and not claim["note"]:
         yield "note", "is empty; expected the reason of the correction, or what is missing"
     sources = [source.strip() for source in claim["evidence"].split(";") if source.strip()]
+    decided = judged and verdict not in UNDECIDED
+    if decided and claim["grade"] not in GRADES:
+        yield "grade", f"{claim['grade']!r} must be one of {', '.join(GRADES)}"
+    elif not decided and claim["grade"]:
+        yield "grade", f"{claim['grade']!r} must be empty, because the claim has no verdict"
+    if claim["grade"] in GRADES[:2] and claim["basis"] == "model" and not sources:
+        yield "evidence", f"is empty; the grade {claim['grade']!r} needs a claim or a test"
     if verdict in AGAINST and not sources:
         yield "evidence", f"is empty; {verdict!r} needs a claim or a test, as in 'kim2023-040'"
     for source in sources:

@@ -178,9 +178,13 @@ def test_a_crc_is_recommended_for_one_datum_too():
     assert "CRC" in recommend(1).check
 
 
+def test_the_check_depends_on_the_error_rate_not_on_the_number():
+    for rate, check in ((1e-5, "CRC"), (1e-11, "CRC"), (4e-12, "markers")):
+        assert {recommend(n, rate=rate).check for n in (1, 3, 10, 40)} == {check}
+
+
 def test_what_a_lost_packet_costs_depends_on_how_often_the_value_moves():
-    assert not link.loss_does_no_harm(interval=3.1)
-    assert link.loss_does_no_harm(interval=2.9)
+    assert link.loss_does_no_harm(interval=3.1) < 0 < link.loss_does_no_harm(interval=2.9)
     # The same on a simulated link: the move at 1 s is lost, and SS is right after the next one.
     system = System(turn_timeout=0.1)
     for interval in (2.0, 4.0):

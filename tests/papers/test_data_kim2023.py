@@ -8,10 +8,24 @@ TABLE5 = datasets.read("kim2023_table5_requests.csv")
 def test_table1_has_seven_kinds_of_sensor():
     table = datasets.read("kim2023_table1_sensors.csv")
     assert len(table) == 7
-    assert table["category"].is_unique
-    for category, detects in zip(table["category"], table["detects"], strict=True):
+    assert table["Category"].is_unique
+    for category, explanation in zip(table["Category"], table["Explanation"], strict=True):
         word = category.split()[0].lower()
-        assert word in detects or word in ("accelerometer", "gas"), category
+        assert word in explanation.lower() or word == "accelerometer", category
+
+
+def test_the_printed_rows_have_the_values_of_the_transcribed_tables():
+    rows = datasets.read("kim2023_table2_printed.csv")
+    assert rows["Environmental_impact"].tolist() == TABLE2["phenomenon_printed"].unique().tolist()
+    for row in TABLE2.itertuples():
+        printed = rows.set_index("Environmental_impact").loc[row.phenomenon_printed]
+        assert row.value in printed["Test_level"].replace("5/50ns", "5 / 50 ns")
+        assert row.rating == printed["Reference_Rating"]
+        assert row.standard == printed["Standard_Specifications"]
+    for number, name in ((4, "request"), (6, "response")):
+        fields = datasets.read(f"kim2023_table{number}_{name}_fields.csv")["symbol"]
+        printed = datasets.read(f"kim2023_table{number}_printed.csv")["Category"]
+        assert [text.partition("(")[2][:-1] for text in printed] == fields.tolist()
 
 
 def test_table2_levels():

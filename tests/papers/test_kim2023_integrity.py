@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
 
-from shipnet.asi import Response
+from shipnet.asi import Master, Response, Slave, Standby, simulate
+from shipnet.asi.faults import MasterFailure
 from shipnet.asi.modulation import Modulation, Pulses
-from shipnet.papers.kim2023.protocol import outputs_are_reset
 from shipnet.papers.kim2023.signals import check_bits, undetected
 
 #: Every row of 14 bits with a start bit, even parity of what lies between, and an end bit.
@@ -87,5 +87,8 @@ def test_faults_of_requests_counted_by_trying_them_all():
 
 
 def test_a_watchdog_of_94_ms_tolerates_50_ms():
-    assert not outputs_are_reset(silence=0.05) and not outputs_are_reset(silence=0.09)
-    assert outputs_are_reset(silence=0.1)
+    for silence, resets in ((0.05, 0), (0.09, 0), (0.1, 1)):
+        standby = Standby(Master({"1": "S-0.F.F"}), silence=silence)
+        failure = MasterFailure(start=0.1)
+        run = simulate([Slave("1")], standby.master, until=0.3, faults=failure, standby=standby)
+        assert len(run.watchdogs) == resets

@@ -1,9 +1,12 @@
+from itertools import combinations
+
 import pytest
+from matplotlib.patches import Polygon, Rectangle
 
 from shipnet import datasets
 from shipnet.asi import Call, Request
 from shipnet.errors import ArgumentError
-from shipnet.papers import figure
+from shipnet.papers import figure, kim2014, lee2012
 from shipnet.papers.kim2023 import differences, printed, protocol, table
 
 GENERATED = [f"Table {number}" for number in (4, 5, 6, 7)]
@@ -86,14 +89,88 @@ def test_an_unknown_table_is_refused(function, item):
         function(item)
 
 
+@pytest.mark.parametrize(
+    ("item", "differing"),
+    [
+        ("Table 1", ["Lubricating oil consumption", "Cylinder oil consumption"]),
+        ("Table 2", ["Master address"]),
+        ("Table 3", ["JB2", "JB3"]),  # "Press" and "Hugh"
+        ("Fig 4", ["(b) response", "(b) response"]),  # address and byte count
+    ],
+)
+def test_lee2012_marks_the_rows_that_differ_from_the_printed_ones(item, differing):
+    rows = lee2012.table(item)
+    assert rows.index[rows["differs"] == "*"].tolist() == differing
+    assert len(rows) == {"Table 1": 6, "Table 2": 10, "Table 3": 14, "Fig 4": 12}[item]
+
+
+@pytest.mark.parametrize(
+    ("item", "differing"),
+    [
+        ("Table 2", {("write error", 7): "86 *"}),
+        (
+            "Table 3",
+            {
+                ("read response", 4): "00 0b *",
+                ("read response", 8): "08 *",
+                ("read response", 9): "00 *",
+                ("read response", 10): "00 *",
+                ("read response", 11): "00 *",
+                ("read response", 12): "00 00 00 00 00 *",
+            },
+        ),
+    ],
+)
+def test_kim2014_marks_the_bytes_that_differ_from_the_standard(item, differing):
+    rows = kim2014.table(item)
+    cells = rows.xs("standard", level=1).stack()
+    assert cells[cells.str.endswith("*")].to_dict() == differing
+
+
+@pytest.mark.parametrize("paper", [kim2014, lee2012])
+def test_a_table_that_is_not_printed_is_refused(paper):
+    with pytest.raises(ArgumentError, match="item is 'Table 9'; it must be one of 'Table"):
+        paper.table("Table 9")
+
+
+BLOCKS, WAYS = datasets.read("diagram_blocks.csv"), datasets.read("diagram_ways.csv")
+DIAGRAMS = sorted({tuple(place) for place in BLOCKS[["paper", "figure"]].to_numpy()})
+
+
+def of(table, place):
+    return table[(table.paper == place[0]) & (table.figure == place[1])]
+
+
 def test_a_diagram_joins_blocks_that_it_has():
-    blocks, ways = datasets.read("diagram_blocks.csv"), datasets.read("diagram_ways.csv")
-    have = {tuple(row) for row in blocks[["paper", "figure", "block"]].to_numpy()}
-    assert len(have) == len(blocks)
+    names = {tuple(row) for row in BLOCKS[["paper", "figure", "block"]].to_numpy()}
+    assert len(names) == len(BLOCKS)
     for end in ("start", "end"):
-        assert {tuple(row) for row in ways[["paper", "figure", end]].to_numpy()} <= have
-    for paper, item in {place[:2] for place in have}:
-        ax = figure(paper, item)
-        mine = blocks[(blocks.paper == paper) & (blocks.figure == item)]
-        drawn = [text.get_text() for text in ax.texts]
-        assert {text.replace(r"\n", "\n") for text in mine["text"]} <= set(drawn)
+        assert {tuple(row) for row in WAYS[["paper", "figure", end]].to_numpy()} <= names
+
+
+@pytest.mark.parametrize("place", DIAGRAMS)
+def test_a_diagram_shows_its_blocks_apart_from_each_other_and_within_its_axes(place):
+    # Some diagrams are one panel of their figure.
+    ax = max(figure(*place).figure.axes, key=lambda panel: len(panel.patches))
+    blocks = of(BLOCKS, place)
+    texts = [text.get_text() for text in ax.texts]
+    assert {text.replace(r"\n", "\n") for text in blocks["text"]} <= set(texts)
+    if place == ("kim2014", "Fig 1"):
+        return  # its valves are drawn by code
+    shapes = [patch for patch in ax.patches if isinstance(patch, Rectangle | Polygon)]
+    assert len(shapes) == (blocks["shape"] != "text").sum()
+    extents = [
+        patch.get_path().transformed(patch.get_patch_transform()).get_extents() for patch in shapes
+    ]
+    assert not any(a.overlaps(b) for a, b in combinations(extents, 2))
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    for extent in extents:
+        assert left <= extent.x0 and extent.x1 <= right and low <= extent.y0 and extent.y1 <= high
+
+
+def test_every_decision_of_chung1998_has_a_way_for_yes_and_one_for_no():
+    decisions = BLOCKS[(BLOCKS["shape"] == "decision") & (BLOCKS["paper"] == "chung1998")]
+    assert set(decisions["figure"]) == {"Fig 5", "Fig 6", "Fig 7", "Fig 8(a)", "Fig 8(b)"}
+    for paper, item, name in decisions[["paper", "figure", "block"]].to_numpy():
+        ways = of(WAYS, (paper, item))
+        assert sorted(ways.loc[ways["start"] == name, "word"]) == ["no", "yes"]

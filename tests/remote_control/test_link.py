@@ -262,6 +262,14 @@ def test_a_packet_is_lost_only_if_it_begins_during_the_fault():
         assert (traffic.outcome[traffic.end_s < 4] == "lost").sum() == lost
 
 
+def test_a_packet_that_the_end_of_the_run_cuts_off_is_not_drawn_as_lost(ax):
+    run = simulate(full(), until=0.4)
+    assert run.packets[-1].end > run.until and run.packets[-1].outcome == "lost"
+    run.plot(ax)
+    assert not any(patch.get_hatch() for patch in ax.patches)
+    assert "lost" not in [text.get_text() for text in ax.get_legend().get_texts()]
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [

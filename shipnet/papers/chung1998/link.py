@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from typing import Any, Literal
 
 import numpy as np
@@ -13,8 +13,8 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.lazy import pd
 from shipnet.papers.chung1998.usart import Status, Usart, send
-from shipnet.papers.registry import check, numeric
-from shipnet.remote_control.experiment import switch_staleness
+from shipnet.papers.registry import check, is_legal, numeric
+from shipnet.remote_control.experiment import recommend, switch_staleness
 from shipnet.remote_control.faults import HOPS, STATIONS, DeadStation, Hop, LostPacket
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.simulation import Change, simulate, switch_delays
@@ -267,11 +267,12 @@ def deaths(
 
 
 @check("chung1998-017", counter={"all_data": True})
-def speed_has_little_effect(*, all_data: bool = False, limit: float = 1.0) -> bool:
-    """Whether SS follows a switch within `limit` [s] at each bit rate."""
+def speed_has_little_effect(*, all_data: bool = False, limit: float = 1.0) -> float:
+    """Margin by which SS follows every switch within `limit` [s] at each bit rate."""
     system = System(MarkerFormat(n_numbers=ITEMS), repeat=ITEMS if all_data else 0)
     table = switch_delays(system, changes=10, rng=2024)
-    return bool((table["followed"] == 10).all() and (table["longest_s"] <= limit).all())
+    followed = (table["followed"] == 10).all()
+    return 1 - float(table["longest_s"].max()) / limit if followed else -1.0
 
 
 @check("chung1998-065", counter={"lost": True})
@@ -298,9 +299,23 @@ def crc_share(*, items: int = ITEMS) -> float:
 
 
 @check("chung1998-019", counter={"crc": True})
-def flips_are_detected(*, crc: bool = False) -> bool:
-    """Whether no single bit error in a packet goes undetected, with or without a CRC."""
-    return MarkerFormat(n_numbers=ITEMS, crc=crc).undetected_flips(ITEMS) == 0
+def flags_alone_decide(*, crc: bool = False) -> bool:
+    """Whether each packet with one wrong bit is refused if the bit is in a flag, and only then."""
+    form = MarkerFormat(crc=crc)
+    packet = form.encode(dict.fromkeys(range(ITEMS), 1000))
+    flags = [place for place, _ in flags_at("A", ITEMS)]
+    for place, bit in product(range(len(packet)), range(8)):
+        wrong = bytearray(packet)
+        wrong[place] ^= 1 << bit
+        if is_legal(form.decode, bytes(wrong)) is (place in flags):
+            return False
+    return True
+
+
+@numeric("chung1998-076")
+def missed_flips(*, items: int = ITEMS) -> float:
+    """Percentage of the single bit errors in a packet that the flags do not show."""
+    return 100 * MarkerFormat(n_numbers=ITEMS).undetected_flips(items)
 
 
 @numeric("chung1998-020")
@@ -315,22 +330,51 @@ def crc_costs_more(*, few: int = 1, many: int = ITEMS) -> bool:
     return crc_share(items=few) > crc_share(items=many)
 
 
-@check("chung1998-074", counter={"changed": ITEMS})
-def changes_are_faster(*, changed: int = 1) -> bool:
-    """Whether a cycle is shorter if packets contain only the `changed` data items."""
-    return cycle_time(items=changed) < cycle_time()
+@check("chung1998-074", counter={"changed": 7})
+def changes_are_shorter(*, changed: int = 6) -> float:
+    """Margin by which so many numbered items need fewer bytes than all ten without numbers."""
+    form = MarkerFormat(n_numbers=ITEMS)
+    return 1 - form.size(changed) / (form.size(ITEMS) - ITEMS)
+
+
+@check("chung1998-075", counter={"rate": 1e-13})
+def flags_are_recommended(*, items: int = 3, rate: float = 1e-5) -> bool:
+    """Whether the flags alone are recommended for this many values at this bit error rate."""
+    return recommend(items, rate=rate).check == "markers"
+
+
+@check("chung1998-071", counter={"rate": 7e-12})
+def check_depends_on_the_number(*, rate: float = 1e-5) -> bool:
+    """Whether the recommended check differs between few and many values."""
+    return len({recommend(n, rate=rate).check for n in (1, 3, 10, 40)}) > 1
+
+
+@check("chung1998-072", counter={"items": 80})
+def changes_arrive_soon(*, items: int = ITEMS, limit: float = 1.0) -> float:
+    """Margin by which a change on the bridge reaches SS within `limit` [s], all data being sent."""
+    return 1 - as_printed(items).response_time() / limit
+
+
+@check("chung1998-048", counter={"first": 1})
+def stations_take_turns(*, first: int = 0) -> bool:
+    """Whether RCS sends to BCS, BCS answers, and RCS and SS follow, from packet `first` on."""
+    packets = simulate(as_printed(), until=2.0).packets[first:]
+    order = [("RCS", "BCS"), ("BCS", "RCS"), ("RCS", "SS"), ("SS", "RCS")]
+    return all(
+        (packet.source, packet.target) == order[k % len(order)] for k, packet in enumerate(packets)
+    )
 
 
 @check("chung1998-068", counter={"interval": 3600.0})
-def loss_does_no_harm(*, interval: float = 1.0) -> bool:
-    """Whether values are right again within `PATIENCE`, on average, after a failed packet.
+def loss_does_no_harm(*, interval: float = 1.0) -> float:
+    """Margin by which values are right within `PATIENCE`, on average, after a failed packet.
 
     They change every `interval` [s]. Assumed: one data item per packet, a bit error rate of 1e-5.
     """
     form = MarkerFormat(n_numbers=ITEMS)
     shares, period = form.error_shares(1, 1e-5), System(form).cycle_time
     _, duration = switch_staleness(shares, period, interval, "changed")
-    return duration <= PATIENCE
+    return 1 - duration / PATIENCE
 
 
 @check("chung1998-069", counter={"place": 3})

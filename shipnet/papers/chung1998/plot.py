@@ -7,73 +7,37 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import FancyBboxPatch
 
 from shipnet import style
 from shipnet.lazy import pd
+from shipnet.papers.chung1998.link import as_printed
 from shipnet.papers.chung1998.ring import SIZE, given_up, overrun_rings
 from shipnet.papers.plot import diagrams, fields
 from shipnet.papers.registry import drawing
-from shipnet.remote_control.faults import HOPS
 from shipnet.remote_control.packet import MarkerFormat
-from shipnet.remote_control.system import values_on
+from shipnet.remote_control.ring_buffer import Ring
+from shipnet.remote_control.simulation import simulate
 
 if TYPE_CHECKING:
     from shipnet.remote_control.simulation import Run
 
-#: Position and role of each station.
-_STATIONS = {
-    "BCS": (0.0, "bridge control"),
-    "RCS": (2.4, "remote control, master"),
-    "SS": (4.8, "safety system"),
-}
-
 #: Numbers and values of the data items in the packet that is drawn.
 _ITEMS = {0: 1, 3: 120, 4: 0x1234}
 
-# The flow charts follow the text of sections 4 to 4.3.
-diagrams("chung1998", "Fig 5", "Fig 6", "Fig 7", "Fig 8(a)", "Fig 8(b)")
+# The stations follow the text of section 2, the flow charts that of sections 4 to 4.3.
+diagrams("chung1998", "Fig 1", "Fig 5", "Fig 6", "Fig 7", "Fig 8(a)", "Fig 8(b)")
 
 
-@drawing("chung1998", "Fig 1")
-def _stations(*, ax: Axes) -> Axes:
-    """Draw the three stations and the values on each line."""
-    for name, (x, what) in _STATIONS.items():
-        box = FancyBboxPatch(
-            (x - 0.42, -0.55),
-            0.84,
-            1.1,
-            boxstyle="round,pad=0.04",
-            facecolor=style.FIELD["address" if name == "RCS" else "frame"],
-            edgecolor="0.3",
-        )
-        ax.add_patch(box)
-        ax.text(x, 0.08, name, ha="center", va="bottom", fontsize=13)
-        ax.text(x, -0.02, what.replace(", ", "\n"), ha="center", va="top")
-    for source, target in HOPS:
-        start, end = _STATIONS[source][0], _STATIONS[target][0]
-        side = np.sign(end - start)
-        y = 0.28 * side
-        ax.annotate(
-            "",
-            (end - 0.5 * side, y),
-            (start + 0.5 * side, y),
-            arrowprops={"arrowstyle": "-|>", "color": "0.3"},
-        )
-        sent = [s.name for s in values_on(source, target) if source in s.sources]
-        on = [s.name for s in values_on(source, target) if source not in s.sources]
-        text = "\n".join([*sent, *(f"({name})" for name in on)]).replace("_", " ")
-        ax.text(
-            (start + end) / 2,
-            y + 0.08 * side,
-            text,
-            ha="center",
-            va="bottom" if side > 0 else "top",
-            linespacing=1.25,
-        )
-    ax.set(xlim=(-0.6, 5.4), ylim=(-2.5, 1.7))
-    ax.set_axis_off()
-    return ax
+@drawing("chung1998", "Fig 2")
+def _turns(*, processing: float = 10e-3, until: float = 0.4, ax: Axes) -> Axes:
+    """Draw the packets of some cycles, each followed by an assumed processing time [s]."""
+    return simulate(as_printed(processing=processing), until=until).plot(ax=ax)
+
+
+@drawing("chung1998", "Fig 3", figsize=(4, 3.6))
+def _ring(*, unread: int = 6, get_no: int = 14, size: int = 16, ax: Axes) -> Axes:
+    """Draw a ring with unread bytes, the first of them at `get_no`."""
+    return Ring.filled(unread, get_no, size=size).plot(ax=ax)
 
 
 @drawing("chung1998", "Fig 4")
@@ -84,11 +48,11 @@ def _packets(*, items: Mapping[int, int] = _ITEMS, ax: Axes) -> Axes:
         "reading B": [MarkerFormat("B").encode(items)],
         "reading C": [MarkerFormat("A").encode({number: value}) for number, value in items.items()],
     }
-    kinds = {"marker": "control", "number": "address", "low": "information", "high": "parity"}
+    kinds = {"flag": "control", "number": "address", "low": "information", "high": "parity"}
     drawn = {}
     for reading, packets in rows.items():
         drawn[reading] = [
-            (f"{byte:02X}", kinds[kind], kind)
+            (f"{byte:02X}", kinds[kind], kind, 1)
             for packet in packets
             for byte, kind in zip(packet, _kinds(reading, len(packet)), strict=True)
         ]
@@ -99,8 +63,8 @@ def _kinds(reading: str, size: int) -> list[str]:
     """Return the meaning of each byte of a packet."""
     item = ["number", "low", "high"]
     if reading == "reading B":
-        return ["marker", *(["marker", *item] * ((size - 2) // 4)), "marker"]
-    return ["marker", "marker", *(item * ((size - 3) // 3)), "marker"]
+        return ["flag", *(["flag", *item] * ((size - 2) // 4)), "flag"]
+    return ["flag", "flag", *(item * ((size - 3) // 3)), "flag"]
 
 
 def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:

@@ -134,11 +134,23 @@ def packet_is_found(*, before: bytes = bytes(5)) -> bool:
     return True
 
 
-@check("chung1998-023", counter={"wrap": True})
-def values_are_whole(*, wrap: bool = False) -> bool:
-    """Whether the printed line of code extracts the right values wherever the packet is."""
-    table = extraction(dict.fromkeys(range(ITEMS), 1000), wrap=wrap)
-    return bool((table["wrong"] == 0).all())
+@check("chung1998-023", counter={"wrap": False})
+def values_are_whole(*, wrap: bool = True) -> bool:
+    """Whether the right values are extracted wherever the packet is, if indices wrap around."""
+    return not places_with_a_wrong_value(wrap=wrap)
+
+
+@numeric("chung1998-077")
+def places_with_a_wrong_value(*, items: int = ITEMS, wrap: bool = False) -> int:
+    """Number of places of a packet at which the line of code extracts a wrong value."""
+    table = extraction(dict.fromkeys(range(items), 1000), wrap=wrap)
+    return int((table["wrong"] > 0).sum())
+
+
+@check("chung1998-034", counter={"with_flag": False})
+def ring_counts_as_two(*, with_flag: bool = True) -> bool:
+    """Whether one ring distinguishes as many positions as two rings of its size."""
+    return virtual_rings(with_flag=with_flag) == 2
 
 
 # Values extracted from the ring ------------------------------------------------------------

@@ -16,8 +16,9 @@ from shipnet.papers.kim2014.faults import (
     through_registers,
 )
 from shipnet.papers.kim2014.line import break_table, conversation, switch_table
-from shipnet.papers.kim2014.registers import answer_table, code_table, message_table, survival_table
+from shipnet.papers.kim2014.registers import answer_table, code_table, survival_table, table
 
 __all__ = ["age_table", "answer_table", "break_table", "broken_loops", "code_table"]
-__all__ += ["conversation", "fired_table", "graded_trials", "message_table", "picture_table"]
-__all__ += ["reading_table", "seen_strokes", "survival_table", "switch_table", "through_registers"]
+__all__ += ["conversation", "fired_table", "graded_trials", "picture_table"]
+__all__ += ["reading_table", "seen_strokes", "survival_table", "switch_table", "table"]
+__all__ += ["through_registers"]

@@ -12,11 +12,12 @@ import pandas as pd
 from shipnet import datasets
 from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.master import MasterRun, operate
-from shipnet.ballast.plant import FAULTS, Command, Plant
+from shipnet.ballast.plant import FAULTS, Command, Fault, Plant
 from shipnet.ballast.registers import RegisterMap
 from shipnet.ballast.rule_table import FILLS, rule_base, rule_vectors
 from shipnet.ballast.scan import System, status_poll
 from shipnet.ballast.sensors import CHANNELS
+from shipnet.ballast.slave import Monitor
 from shipnet.ballast.trials import fault_trials
 from shipnet.ballast.wear import Wear
 from shipnet.errors import ArgumentError
@@ -82,12 +83,44 @@ def sensors_with_limit(*, limit: float = 2.5) -> int:
     return sum(any(limit in (one.low, one.high) for one in terms) for terms in limits)
 
 
-@check("kim2014-037", counter={"ramps": True})
-def infers_by_degrees(*, ramps: bool = False) -> bool:
-    """Whether a rule can fire partially, as printed or with the ramps that we assume."""
-    sweep = {"FP": np.linspace(110, 130, 201), "OP": np.full(201, 4.0)}
-    strength = BASE.fire(sweep, "fuzzy" if ramps else "crisp").strength
-    return bool(((strength > 0) & (strength < 1)).any())
+@numeric("kim2014-109")
+def rules_at_rest() -> int:
+    """Number of rules that need a current of 0, and so cannot fire while the motor runs."""
+    terms = {term.name: term.crisp for term in BASE["MC"].terms}
+    needed = [dict(rule.antecedent).get("MC") for rule in BASE.rules]
+    return sum(name is not None and terms[name].high <= 0 for name in needed)
+
+
+@check("kim2014-108", counter={"code": "S1"})
+def is_diagnosed_while_moving(*, code: str = "V1") -> bool:
+    """Whether a slave finds this fault while the valve's motor runs."""
+    plant = Plant(1, [Fault(code)])
+    monitor = Monitor(plant)
+    plant.order(Command("open"))
+    plant.run_until(5.0)
+    return bool(plant.running[0]) and monitor.row(0) == BASE.codes.index(code) + 1
+
+
+@check("kim2014-071", counter={"fault": "V1"})
+def stroke_has_normal_values(*, fault: str = "") -> bool:
+    """Whether our valve reads FP, OP, MC and OT within 5 % of row 0 while it moves."""
+    plant = Plant(1, [Fault(fault)] if fault else [])
+    plant.order(Command("open"))
+    plant.run_until(3.0)
+    normal = rule_vectors("printed").loc[NORMAL, ["FP", "OP", "MC", "OT"]].to_numpy(float)
+    return bool(np.allclose(plant.readings[:4, 0], normal, rtol=0.05))
+
+
+@check("kim2014-112", counter={"limit": 2.6})
+def neither_fires_at(*, limit: float = 2.5) -> bool:
+    """Whether P1 and P2 leave out this current [A], and no current 0.01 A above or below it."""
+
+    def fires(current: float) -> bool:
+        pressures = np.array([125.0, 2.0])  # P1 needs a high pressure, P2 almost none
+        firing = BASE.fire({"FP": pressures, "MC": np.full(2, current)}, "crisp")
+        return bool(firing["P1"][0] or firing["P2"][1])
+
+    return not fires(limit) and fires(limit - 0.01) and fires(limit + 0.01)
 
 
 @check("kim2014-061", counter={"sensors": ("FP", "OP", "MC", "VPos")})
@@ -230,13 +263,13 @@ def faults_survive_registers(*, codes: tuple[str, ...] = BASE.codes) -> bool:
 
 
 @check("kim2014-045", counter={"predictor": "stroke time"})
-def wear_is_estimated(*, predictor: str = "leak", part: float = 0.5) -> bool:
-    """Whether the remaining life of most of 30 synthetic pumps is predicted to within 20 %.
+def wear_is_estimated(*, predictor: str = "leak", part: float = 0.5) -> float:
+    """Margin by which over half of 30 synthetic pumps have their life predicted to within 20 %.
 
     The prediction is made after this fraction of their lives, from the leak or the stroke time.
     """
     compared = Wear.synthetic(30, 1000, rng=2024).compare_predictors(parts=(part,))
-    return bool(compared["within_20"].loc[predictor, part] > 0.5)
+    return float(compared["within_20"].loc[predictor, part]) / 0.5 - 1
 
 
 # Faults of different severity.

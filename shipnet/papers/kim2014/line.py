@@ -9,7 +9,9 @@ from typing import Literal
 import numpy as np
 
 from shipnet.ballast import scan
-from shipnet.ballast.plant import Plant
+from shipnet.ballast.live import TestBed
+from shipnet.ballast.master import operate
+from shipnet.ballast.plant import Command, Fault, Plant
 from shipnet.ballast.registers import (
     COMMAND_REGISTER,
     FIRST_REGISTER,
@@ -17,15 +19,16 @@ from shipnet.ballast.registers import (
     Code,
     RegisterMap,
 )
-from shipnet.ballast.scan import status_poll
+from shipnet.ballast.scan import System, status_poll
 from shipnet.ballast.sensors import CHANNELS
 from shipnet.ballast.slave import valve_slaves
 from shipnet.lazy import pd
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.faults import Break, DeadPort
 from shipnet.modbus.frame import MAX_UNIT, rtu_frame
-from shipnet.modbus.pdu import FunctionCode, Request, Response
+from shipnet.modbus.pdu import Adu, FunctionCode, Request, Response
 from shipnet.modbus.redundancy import Loop
+from shipnet.modbus.slave import answer
 from shipnet.modbus.uart import SerialLine
 from shipnet.modbus.udp import LossyPath, compare
 from shipnet.papers.kim2014.registers import answer_table
@@ -51,7 +54,7 @@ def _verdict(number: int) -> str:
 # Sections 1, 3.2 and 3.3: the valves that one master can address.
 
 
-@numeric("kim2014-001", "kim2014-002")
+@numeric("kim2014-001")
 def slaves_of_a_master(*, bits: int = 8) -> int:
     """Number of slaves that one master can address with an id of this many bits."""
     read = Request.read_input_registers(0, 1).pdu
@@ -112,9 +115,23 @@ def every_slave_has_two_ways(*, dead: Literal["A", "B", ""] = "", slaves: int = 
 @check("kim2014-051", counter={"at_end": False})
 def sensors_are_seen_before_the_reply(*, at_end: bool = True, movement: float = 10.0) -> bool:
     """Whether a moving valve is polled if it responds at the end of its movement, or at once."""
-    table = answer_table(SerialLine(9600), 5, movement, timeout=2 * movement)
-    row = table.loc["at the end" if at_end else "at the start"]
+    table = answer_table(SerialLine(9600), 5, movement)
+    row = table.loc["at the end, waited for" if at_end else "at the start"]
     return bool(row["answered"] and row["polls_while_moving"] > 0)
+
+
+@check("kim2014-111", rate=9600.0, counter={"slaves": MAX_UNIT})
+@check("kim2014-041", rate=float(RATES[0]), counter={"slaves": MAX_UNIT})
+def sensors_are_watched(*, rate: float, slaves: int = 5, stroke: float = 10.0) -> float:
+    """Margin by which the master reads each valve ten times during a stroke [s]."""
+    return 1 - 10 * status_poll(rate).scan_time(slaves) / stroke
+
+
+@check("kim2014-115", counter={"start": 1})
+def slaves_are_scanned_in_order(*, start: int = 0) -> bool:
+    """Whether the statuses arrive in the order of the unit ids, round after round."""
+    units = [status.unit for status in operate(Plant(System(5, status_poll(9600))), until=5).shown]
+    return units == [1 + (start + k) % 5 for k in range(len(units))]
 
 
 @check("kim2014-085", counter={"interface": "RS-422"})
@@ -155,10 +172,10 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
     rows = []
 
     def exchange(time: float, query: bytes, meant: str) -> bytes:
-        answer = bytes(valve.answer(query, time))
+        response = bytes(valve.answer(query, time))
         rows.append((time, "master", rtu_frame(1, query).hex(" "), meant))
-        rows.append((time, "valve", rtu_frame(1, answer).hex(" "), "the same"))
-        return answer
+        rows.append((time, "valve", rtu_frame(1, response).hex(" "), "the same"))
+        return response
 
     exchange(0.0, write.pdu, f"go to {position} %")
     for time in times:
@@ -168,6 +185,58 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
         values = [f"{c.name} {x:.3g} {c.unit}" for c, x in zip(CHANNELS, seen, strict=True)]
         rows[-1] = (*rows[-1][:3], ", ".join(values))
     return pd.DataFrame(rows, columns=["time_s", "from", "frame", "says"])
+
+
+# Section 3.2, Fig 10, and section 3.5: what a valve does with a command.
+
+
+@check("kim2014-106", counter={"own": range(2, MAX_UNIT + 1)})
+def other_ids_are_ignored(*, own: Sequence[int] = (1,)) -> bool:
+    """Whether valve 1 moves, and responds, only to commands for the unit ids in `own`."""
+    plant = Plant()
+    slaves = valve_slaves(plant)
+    pdu = Request.write_single_register(COMMAND_REGISTER, RegisterMap().command(Code.OPEN)).pdu
+    ignored = [unit for unit in range(1, MAX_UNIT + 1) if unit not in own]
+    silent = [not answer(slaves, Adu(unit, pdu), serial=True).pdu for unit in ignored]
+    return all(silent) and not plant.running.any()
+
+
+@check("kim2014-107", positions=tuple(range(0, 101, 10)), counter={"within": 0.0})
+@check("kim2014-088", positions=(0, 100), counter={"reversible": False})
+def reaches_the_position(
+    *, positions: Sequence[int], within: float = 1.0, reversible: bool = True
+) -> bool:
+    """Whether a half-open valve stops within this distance [%] of each of these positions.
+
+    Without a reversible motor it could only open.
+    """
+    for position in positions:
+        plant = Plant(System(1, opening=0.5))
+        plant.order(Command(float(position if reversible else max(position, 50))))
+        plant.run_until(20.0)
+        if abs(100 * plant.opening[0] - position) > within:
+            return False
+    return True
+
+
+@check("kim2014-072", counter={"leak": 0.5})
+def opens_within_ten_seconds(*, leak: float = 0.0) -> float:
+    """Margin by which a valve opens within 10 s, with a pump leak of this severity."""
+    plant = Plant(1, [Fault("P2", leak)] if leak else [])
+    plant.order(Command("open"))
+    plant.run_until(60.0)
+    return 1 - float(plant.last_run[0]) / 10.0
+
+
+@check("kim2014-110", counter={"unit": 4})
+def pc_and_master_send_the_same(*, unit: int = 3) -> bool:
+    """Whether a PC's command makes the master send what it sends for its own command to valve 3."""
+    beds = TestBed(), TestBed()
+    beds[0].command(3, "open")
+    value = RegisterMap().command(Code.OPEN)
+    beds[1].gateway[unit].answer(Request.write_single_register(COMMAND_REGISTER, value).pdu)
+    own, forwarded = (bed.station.writes[-1] for bed in beds)
+    return (own.unit, own.value) == (forwarded.unit, forwarded.value)
 
 
 # Sections 2.2 and 3.5, Figs 5 and 6: the header on Ethernet, and lost or late datagrams.
@@ -200,11 +269,11 @@ def same_pdu_on_both(*, header: int = 7) -> bool:
 
 
 @check("kim2014-102", counter={"bit_rate": 50e3})
-def carries_more(*, bit_rate: float = 10e6, registers: int = 125) -> bool:
-    """Whether a response is faster on Ethernet at this rate than on a serial line at 115200 bit/s.
+def carries_more(*, bit_rate: float = 10e6, registers: int = 125) -> float:
+    """Margin by which Ethernet at this rate is faster than a serial line at 115200 bit/s.
 
     The Ethernet frame adds 18 bytes, IP and TCP 20 each, preamble and gap another 20.
     """
     response = Response(FunctionCode.READ_INPUT_REGISTERS, registers=(0,) * registers)
     serial = SerialLine(RATES[-1]).frame_time(len(response.rtu(1)))
-    return 8 * (len(response.tcp(1, 0)) + 78) / bit_rate < serial
+    return 1 - 8 * (len(response.tcp(1, 0)) + 78) / bit_rate / serial

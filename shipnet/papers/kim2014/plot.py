@@ -10,12 +10,16 @@ from matplotlib.axes import Axes
 
 from shipnet import style
 from shipnet.ballast.diagnosis import Run
+from shipnet.ballast.live import TestBed
+from shipnet.ballast.master import Screen, operate
+from shipnet.ballast.plant import Command, Fault, Plant
 from shipnet.ballast.registers import FIRST_REGISTER, N_REGISTERS
+from shipnet.ballast.scan import System, status_poll
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.kim2014.faults import Picture
-from shipnet.papers.plot import FILL, HALF, arrow, box, diagram, diagrams, fields
+from shipnet.papers.kim2014.faults import Picture, seen_strokes
+from shipnet.papers.plot import FILL, HALF, box, diagram, diagrams, fields, panels
 from shipnet.papers.registry import drawing
 
 __all__ = ["plot_ages", "plot_control_system", "plot_seen_strokes"]
@@ -24,7 +28,8 @@ __all__ = ["plot_ages", "plot_control_system", "plot_seen_strokes"]
 _QUERY = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 _LINE = SerialLine(9600)
 
-diagrams("kim2014", "Fig 7", "Fig 9")
+diagrams("kim2014", "Fig 2", "Fig 7", "Fig 9", "Fig 10")
+diagrams("kim2014", "Fig 15", arrowstyle="-")
 
 
 @drawing("kim2014", "Fig 1")
@@ -32,9 +37,14 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
     """Draw central hydraulics piped to every valve and, next to it, valves with their own pumps."""
     places, low, aside = np.linspace(-0.8, 2.8, n_valves), 0.35, 5.2
     for number, x in enumerate([*places, *(places + aside)]):
-        _valve(ax, (x, low), "" if number < n_valves else "motor, pump,\ncontroller")
-        text = f"valve {number % n_valves + 1}"
-        ax.text(x, low - 0.32, text, ha="center", va="top")
+        for tip in (x - 0.3, x + 0.3):
+            edges = [x, tip, tip], [low, low - 0.2, low + 0.2]
+            ax.fill(*edges, facecolor=FILL["green"], edgecolor="0.2", lw=1)
+        ax.plot([x, x], [low, low + 0.35], color="0.2", lw=1)
+        width, bottom, height = (0.5, 0.2, 0.3) if number < n_valves else (1.04, 0.35, 0.65)
+        text = "" if number < n_valves else "motor, pump,\ncontroller"
+        box(ax, (x - width / 2, low + bottom), width, height, FILL["amber"], text)
+        ax.text(x, low - 0.32, f"valve {number % n_valves + 1}", ha="center", va="top")
     pipe: dict[str, Any] = {"color": "#b8860b", "lw": 1.6, "zorder": 0, "label": "_pipe"}
     for x in places:
         # Every valve has a pipe to open it and a pipe to close it.
@@ -47,12 +57,8 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
         ax.plot([x - 0.1] * 2, [low + 1, 1.5], **bus)
         ax.plot([x + 0.1] * 2, [low + 1, 1.65], **power)
     middle, left, right = 1 + aside, beside[0] - 0.35, beside[-1] + 0.35
-    ax.plot(
-        [middle - HALF[0], left, left, right, right, middle + HALF[0]],
-        [3, 3, 1.5, 1.5, 3, 3],
-        color="C0",
-        lw=1.2,
-    )
+    across = [middle - HALF[0], left, left, right, right, middle + HALF[0]]
+    ax.plot(across, [3, 3, 1.5, 1.5, 3, 3], color="C0", lw=1.2)
     ax.plot([beside[0] + 0.1, beside[-1] + 0.1], [1.65, 1.65], color="C1", lw=1.2)
     ax.plot([middle, middle], [1.65, 1.82], color="C1", lw=1.2)
     ax.text(left + 0.08, 2.55, "closed loop\nof Modbus", color="C0")
@@ -62,42 +68,22 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
     return style.bare(ax, (-1.4, 3.5 + aside), (-0.25, 3.8))
 
 
-@drawing("kim2014", "Fig 2")
-def _actuator(*, ax: Axes) -> Axes:
-    """Draw the parts of an actuator and its sensors."""
-    blocks = diagram("kim2014", "Fig 2", ax=ax)
-    sensors = [blocks[name] for name in ("MC", "OT", "OP", "VPos")]
-    for _, _, x, y in sensors:
-        ax.plot([x, x], [y - HALF[1], 0.35], color="0.45", lw=1)
-    _, _, x, y = blocks["ADC"]
-    ax.plot([sensors[-1][2], x], [0.35, 0.35], color="0.45", lw=1)
-    arrow(ax, (x, 0.35), (x, y - HALF[1]))
-    left, top = x - HALF[0] - 0.2, blocks["bus"][3]
-    ax.plot([x - HALF[0], left, left], [y, y, top], color="0.3", lw=1)
-    arrow(ax, (left, top), (x - HALF[0], top))
-    return style.bare(ax, (-1.1, 8.9), (0.2, 3.45))
-
-
 @drawing("kim2014", "Fig 3", "Fig 4")
 def _rtu_frame(*, frame: bytes = _QUERY.rtu(1), serial: SerialLine = _LINE, ax: Axes) -> Axes:
     """Draw the general RTU frame, and a frame field by field below it."""
     pdu = decode(frame).pdu
-    silence = f"{serial.t35 / serial.character_time:.3g} char\nsilence"
-    general = [
-        ("address", "address", ""),
-        ("function code", "control", ""),
-        ("data", "information", ""),
-        ("error check", "parity", ""),
+    silence = f"silence\n{serial.t35 / serial.character_time:.3g} char"
+    parts = [
+        ("address", "address", frame[:1]),
+        ("function\ncode", "control", pdu[:1]),
+        ("data", "information", pdu[1:]),
+        ("error check", "parity", frame[-2:]),
     ]
-    detail = [
-        (silence, "pause", ""),
-        ("address\n1 byte", "address", frame[:1].hex(" ")),
-        ("function code\n1 byte", "control", pdu[:1].hex()),
-        (f"data\n{len(pdu) - 1} bytes", "information", pdu[1:].hex(" ")),
-        ("CRC\n2 bytes", "parity", frame[-2:].hex(" ")),
-        (silence, "pause", ""),
-    ]
-    return fields(ax, {"Fig 3": general, "Fig 4": detail})
+    general = [(name, kind, "", len(data)) for name, kind, data in parts]
+    detail = [(name, kind, data.hex(" "), len(data)) for name, kind, data in parts]
+    # A silence has no bytes; the width of two leaves room for its text.
+    pause = (silence, "pause", "", 2)
+    return fields(ax, {"Fig 3": general, "Fig 4": [pause, *detail, pause]})
 
 
 @drawing("kim2014", "Fig 5", "Fig 6")
@@ -105,82 +91,60 @@ def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
     """Draw a Modbus TCP frame: header and PDU above, and the individual fields below."""
     pdu = decode(frame, "tcp").pdu
     general = [
-        ("MBAP header, 7 bytes", "address", frame[:7].hex(" ")),
-        (f"PDU, {len(pdu)} bytes", "information", pdu.hex(" ")),
+        ("MBAP header", "address", frame[:7].hex(" "), 7),
+        ("PDU", "information", pdu.hex(" "), len(pdu)),
     ]
     detail = [
-        (f"{name}\n{last - first} byte{'s' * (last - first > 1)}", kind, frame[first:last].hex(" "))
+        (name, kind, frame[first:last].hex(" "), last - first)
         for name, first, last, kind in (
-            ("transaction id", 0, 2, "address"),
-            ("protocol id", 2, 4, "address"),
+            ("transaction\nid", 0, 2, "address"),
+            ("protocol\nid", 2, 4, "address"),
             ("length", 4, 6, "address"),
-            ("unit id", 6, 7, "address"),
-            ("function code", 7, 8, "control"),
+            ("unit\nid", 6, 7, "address"),
+            ("function\ncode", 7, 8, "control"),
             ("data", 8, len(frame), "information"),
         )
     ]
     return fields(ax, {"Fig 5": general, "Fig 6": detail})
 
 
-@drawing("kim2014", "Fig 10")
-def _command(*, ax: Axes) -> Axes:
-    """Draw how a slave executes a command, as printed, and when it should respond."""
-    blocks = diagram("kim2014", "Fig 10", ax=ax)
-    # If the valve has not arrived, the loop starts again.
-    x, y = blocks["there"][2:]
-    left = x - HALF[0] - 0.35
-    ax.plot([x - HALF[0], left, left], [y, y, 2.35], color="0.3", lw=1)
-    ax.plot([left, x - 0.45], [2.35, 2.35], color="0.3", lw=1)
-    arrow(ax, (x - 0.45, 2.35), (x - 0.45, 3 - HALF[1]))
-    ax.text(left - 0.05, y + 0.3, "no", ha="right", va="center")
-    return style.bare(ax, (-1.0, 9.6), (1.25, 3.5))
-
-
-@drawing("kim2014", "Fig 15")
-def _testbed(*, ax: Axes) -> Axes:
-    """Draw the test bed, whose line is closed through the master's second port."""
-    blocks = diagram("kim2014", "Fig 15", ax=ax)
-    x, y = blocks["master"][2:]
-    first, last, row = blocks["S1"][2], blocks["S5"][2], blocks["S1"][3]
-    ax.plot(
-        [x - 0.3, x - 0.3, first - 1.0, first - 1.0, last],
-        [y - HALF[1], 2.6, 2.6, row, row],
-        color="C0",
-        lw=1.5,
-        zorder=0,
+@drawing("kim2014", "Fig 11", figsize=(8, 4))
+def _screen(*, time: float = 7.2, ax: Axes) -> Axes:
+    """Draw the master's screen at a time [s]: 20 of 64 valves open, 4 go to 40 %, 6 is stuck."""
+    plan = [Command("open", 3.0, valves=range(1, 21)), Command(40, 5.0, valves=range(31, 35))]
+    seen = operate(
+        Plant(System(64, status_poll(9600)), [Fault("V1", valves=6)], 2024), plan, until=20
     )
-    ax.plot(
-        [last, last + 1.0, last + 1.0, x + 0.3, x + 0.3],
-        [row, row, 2.6, 2.6, y - HALF[1]],
-        color="C0",
-        lw=1.5,
-        ls=":",
-        zorder=0,
-    )
-    ax.text(first - 0.9, 2.66, "RS-485, port 1", color="C0")
-    ax.text(last + 0.95, 2.66, "port 2 (section 2.1)", color="C0", ha="right")
-    left = blocks["PC"][2] + HALF[0]
-    ax.plot([left, x - HALF[0]], [y, y], color="C1", lw=1.5, zorder=0)
-    ax.text((left + x - HALF[0]) / 2, y + 0.06, "Ethernet, UDP port 502", ha="center")
-    return style.bare(ax, (-1.1, 9.2), (0.55, 3.65))
+    return seen.screen(time).plot(6, ax=ax, columns=16)
 
 
-def _valve(ax: Axes, place: tuple[float, float], drive: str) -> None:
-    """Draw the two triangles of a valve and, above them, its own drive or a small box."""
-    x, y = place
-    for side in (-1, 1):
-        ax.fill(
-            [x, x + 0.3 * side, x + 0.3 * side],
-            [y, y - 0.2, y + 0.2],
-            facecolor=FILL["green"],
-            edgecolor="0.2",
-            lw=1,
-        )
-    ax.plot([x, x], [y, y + 0.35], color="0.2", lw=1)
-    if drive:
-        box(ax, (x - 0.52, y + 0.35), 1.04, 0.65, FILL["amber"], drive)
-    else:
-        box(ax, (x - 0.25, y + 0.2), 0.5, 0.3, FILL["amber"])
+@drawing("kim2014", "Fig 12")
+def _stroke(*, n_valves: int = 5, ax: Axes) -> Axes:
+    """Draw the readings of a stroke as the master of this many valves receives them."""
+    return seen_strokes([n_valves])[n_valves].plot(ax=ax)
+
+
+@drawing("kim2014", "Fig 13")
+def _finding(*, fault: str = "V1", ax: Axes) -> Axes:
+    """Draw the firing strengths of the rules during a command to a valve with this fault."""
+    bed = TestBed(fault=fault, rng=2024)
+    bed.wait(1.0)
+    bed.command(5, "open")
+    bed.wait(25.0)
+    return bed.run.diagnose().plot(5, ax=ax)
+
+
+@drawing("kim2014", "Fig 14", figsize=(6.4, 3))
+def _client(*, page: Screen | None = None, ax: Axes, **window: str) -> Axes:
+    """Draw the fields of the PC's window, and the valves that it has read."""
+    window = window or {"connection": "port 502", "slave": "3", "command": "open"}
+    above, below = panels(ax, 2)
+    for column, (name, text) in enumerate(window.items()):
+        above.text(1.1 * column + 0.5, 0.75, name, ha="center", va="bottom")
+        box(above, (1.1 * column, 0), 1, 0.6, "white", text)
+    style.bare(above, (-0.1, 1.1 * len(window)), (-0.3, 1.2))
+    (TestBed().screen() if page is None else page).plot(5, ax=below)
+    return ax
 
 
 _MARKS = ".o^sD"

@@ -9,6 +9,7 @@ from math import ceil
 import numpy as np
 
 from shipnet import datasets
+from shipnet.ballast.plant import Plant
 from shipnet.ballast.registers import (
     CODE_READINGS,
     COMMAND_REGISTER,
@@ -23,8 +24,8 @@ from shipnet.ballast.registers import (
 )
 from shipnet.ballast.scan import READ_STATUS, command_poll, status_poll
 from shipnet.ballast.sensors import CHANNELS, Sensors
-from shipnet.errors import FrameError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.ballast.slave import valve_slaves
+from shipnet.fields import check_choice, check_scalar, check_whole
 from shipnet.lazy import pd
 from shipnet.modbus.frame import MAX_PDU, MAX_UNIT, rtu_frame
 from shipnet.modbus.pdu import FunctionCode, Request, Response, decode
@@ -39,6 +40,9 @@ _TABLES = {
     "write": datasets.read("kim2014_table2_write_register.csv"),
     "read": datasets.read("kim2014_table3_read_registers.csv"),
 }
+
+#: Table 2: the command codes and the status bits.
+_BITS = datasets.read("kim2014_table2_write_register_bits.csv")
 
 #: Printed texts of fields that contain no number; the fields are 0 here.
 _ZERO = ("0.0.0.0", "Position 0-100%", "see bits")
@@ -64,33 +68,24 @@ STANDARD = {
 }
 
 
-def message_table() -> pd.DataFrame:
-    """Return each message as printed and according to the standard.
+def table(item: str) -> pd.DataFrame:
+    """Return the messages of Table 2 or 3 as printed, by the byte at which each field begins.
 
-    The lengths are those in the MBAP header; ``decoder`` is ``ok`` or the error in the printed one.
+    Below each are the bytes of the standard, with ``*`` where they differ from the printed ones.
     """
-    rows = []
-    for message in STANDARD:
-        printed, standard = printed_adu(message), STANDARD[message]
-        lengths = [int.from_bytes(adu[4:6], "big") for adu in (printed, standard)]
-        rows.append(
-            (printed.hex(" "), standard.hex(" "), *lengths, printed == standard, _verdict(message))
-        )
-    columns = ["printed", "standard", "length_printed", "length_standard", "same", "decoder"]
-    return pd.DataFrame(rows, columns=columns, index=pd.Index(STANDARD, name="message"))
-
-
-def _verdict(message: str) -> str:
-    request = decode(STANDARD[f"{message.split()[0]} query"], "tcp").request()
-    try:
-        pdu = decode(printed_adu(message), "tcp").pdu
-        if message.endswith("query"):
-            Request.parse(pdu)
-        else:
-            Response.parse(pdu, request)
-    except FrameError as error:
-        return type(error).__name__
-    return "ok"
+    check_choice("item", item, ("Table 2", "Table 3"))
+    access = "write" if item == "Table 2" else "read"
+    rows: dict[tuple[str, str], dict[int, str]] = {}
+    for message, fields in _TABLES[access].groupby("message", sort=False):
+        name = f"{access} {message}"
+        first, last = (fields[f"offset_{end}_byte"].astype(int) for end in ("first", "last"))
+        for row, column in (("bit", "label"), ("field", "field"), ("as printed", "value")):
+            rows[name, row] = dict(zip(first, fields[f"{column}_printed"], strict=True))
+        rows[name, "standard"] = {}
+        for begin, end in zip(first, last, strict=True):
+            theirs, ours = (adu[begin : end + 1] for adu in (printed_adu(name), STANDARD[name]))
+            rows[name, "standard"][begin] = ours.hex(" ") + " *" * (ours != theirs)
+    return pd.DataFrame(rows).T.fillna("").rename_axis(columns="byte")
 
 
 # Section 2.1, the first Table 1, Tables 2 and 3: fields, codes and lengths of the messages.
@@ -270,65 +265,65 @@ def answer_table(
 _VPOS = [channel.name for channel in CHANNELS].index("VPos")
 
 
-def _status(readings: list[list[float]], **flags: bool) -> tuple[int, bool]:
-    """Return register 0x4020 as in Table 2, and whether the position is out of range."""
-    packed = RegisterMap(status="table 2").encode(readings, **flags)
-    return int(packed.registers[0, 0]), bool(packed.saturated[0, _VPOS])
-
-
-def _at(position: float) -> list[list[float]]:
-    return [[0.0], [0.0], [0.0], [50.0], [position]]
-
-
 @numeric("kim2014-023")
 def sensors(*, names: tuple[str, ...] = tuple(channel.name for channel in CHANNELS)) -> int:
     """Number of sensors of a valve."""
     return len(names)
 
 
-@check("kim2014-021", counter={"reading": "flag sum"})
-def codes_are_unique(*, reading: str = "decimal") -> bool:
-    """Whether no two commands have the same code in this reading of the table."""
-    return bool(code_table()[reading].is_unique)
+@numeric("kim2014-021")
+def code_of_position_close() -> int:
+    """Code of the command to close to a position, as the sum of its flags."""
+    return RegisterMap().command(Code.POSITION_CLOSE, 0) & 0xFF
 
 
 @check("kim2014-022", counter={"highest": 305.0})
 def position_fits(*, highest: float = 100.0) -> bool:
     """Whether positions up to this [%] fit into the high byte of a register."""
-    ends = (_status(_at(position), close=False, open=True) for position in (0.0, highest))
-    return not any(saturated for _, saturated in ends)
+    readings = [[0.0] * 2, [0.0] * 2, [0.0] * 2, [50.0] * 2, [0.0, highest]]
+    return not RegisterMap().encode(readings, close=False, open=True).saturated[:, _VPOS].any()
 
 
-@check("kim2014-055", counter={"commands": ("Position Close", "Position Open")})
-def status_is_the_command(*, commands: tuple[str, ...] = tuple(c.value for c in Code)) -> bool:
-    """Whether, after each command is executed, the status of Table 2 equals the value written."""
-    where = {"Close": 0.0, "Open": 100.0, "Position Close": 40.0, "Position Open": 40.0}
-    for name in commands:
-        code, position = Code(name), where.get(name, 0.0)
-        written = RegisterMap().command(code, int(position) if "Position" in name else 0)
-        opened, closed = (word in name for word in ("Open", "Close"))
-        flags = {"auto": code is not Code.MANUAL, "open": opened, "close": closed}
-        if _status(_at(position), **flags)[0] != written:
+@check("kim2014-055", counter={"table": "table 3"})
+def echo_has_the_printed_bits(*, table: str = "table 2") -> bool:
+    """Whether a valve echoes each command, and the echo sets the bit that Table 2 prints for it."""
+    (valve,) = valve_slaves(Plant()).values()
+    shift = {"table 2": 0, "table 3": 2}[table]
+    named = _BITS[(_BITS["message"] == "response") & (_BITS["name_printed"] != "")]
+    for name, printed in zip(named["name_printed"], named["bit_printed"], strict=True):
+        value = RegisterMap().command(Code(name))
+        request = Request.write_single_register(COMMAND_REGISTER, value)
+        bit = int(printed.removeprefix("Bit")) + shift
+        if valve.answer(request.pdu) != request.pdu or value != 1 << bit:
             return False
     return True
 
 
-@check("kim2014-059", counter={"other": "table 2"})
-def status_bits_agree(*, other: str = "table 3") -> bool:
-    """Whether this table has the status bits in the same places as Table 2."""
-    words = [
-        RegisterMap(status=table).encode(_at(0.0), close=False, open=True).registers[0, 0]
-        for table in ("table 2", other)
-    ]
-    return bool(words[0] == words[1])
+@check("kim2014-103", counter={"function": 6})
+def invalid_command_gets_exception_1(*, function: int = 5) -> bool:
+    """Whether a valve answers an invalid function code, or a 6 with a wrong value, with code 01."""
+    (valve,) = valve_slaves(Plant()).values()
+    return valve.answer(bytes([function, 0x40, 0x01, 0x00, 0x03]))[1:] == b"\x01"
+
+
+@check("kim2014-104", counter={"registers": 0})
+def data_are_two_bytes_each(*, registers: int = 1) -> bool:
+    """Whether responses with this many registers or more have twice as many data bytes."""
+    counts = range(registers, MAX_PDU // 2)
+    return all(is_legal(_answer, n) and len(_answer(n).pdu) == 2 + 2 * n for n in counts)
 
 
 @numeric("kim2014-078")
-def converter_step(*, bits: int = 12, span: float = 100.0) -> float:
-    """Step of a converter with this many bits for positions 0..`span`, both in percent."""
-    scale = Sensors()
-    high = (*scale.high[:_VPOS], span)
-    return float(Sensors((0.0,) * len(CHANNELS), high, bits=bits).step[_VPOS])
+def converter_step(*, span: float = 100.0) -> float:
+    """Step of the converter for positions 0..`span`, both in percent."""
+    high = (*Sensors().high[:_VPOS], span)
+    return float(Sensors((0.0,) * len(CHANNELS), high).step[_VPOS])
+
+
+@check("kim2014-105", counter={"percent": 0.01})
+def converter_resolves(*, percent: float = 1.0) -> float:
+    """Margin by which the converter distinguishes positions this far apart [%]."""
+    return 1 - float(Sensors().step[_VPOS]) / percent
 
 
 @numeric("kim2014-079")

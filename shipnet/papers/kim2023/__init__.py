@@ -7,12 +7,22 @@ the Society of Naval Architects of Korea 60(6), 482-490, 2023, doi 10.3744/SNAK.
 from shipnet.papers.kim2023.protocol import (
     EXAMPLE_REQUEST,
     EXAMPLE_RESPONSE,
+    beside,
     differences,
     even_ones,
     printed,
     table,
 )
-from shipnet.papers.kim2023.signals import undetected
+from shipnet.papers.kim2023.ship import price_table
+from shipnet.papers.kim2023.signals import DAMAGE, undetected
 
-__all__ = ["EXAMPLE_REQUEST", "EXAMPLE_RESPONSE", "differences", "even_ones", "printed", "table"]
-__all__ += ["undetected"]
+__all__ = [
+    "EXAMPLE_REQUEST",
+    "EXAMPLE_RESPONSE",
+    "beside",
+    "differences",
+    "even_ones",
+    "printed",
+    "table",
+]
+__all__ += ["DAMAGE", "price_table", "undetected"]

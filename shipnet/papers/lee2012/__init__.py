@@ -4,7 +4,7 @@ J. H. Lee, D. S. Kim, "Design and implementation of distributed control system b
 field-bus for ship engine", Journal of IEEK 49-SC(2), 2012.
 """
 
-from shipnet.papers.lee2012 import buses, engine  # noqa: F401 - they register
-from shipnet.papers.lee2012.operation import response_scope, switch_over_scope
+from shipnet.papers.lee2012 import buses, engine, operation  # noqa: F401 - they register
+from shipnet.papers.lee2012.tables import table
 
-__all__ = ["response_scope", "switch_over_scope"]
+__all__ = ["table"]

@@ -8,9 +8,10 @@ import numpy as np
 
 from shipnet import datasets
 from shipnet.can.faults import ErrorAt
-from shipnet.can.frame import Frame
+from shipnet.can.frame import TAIL, Frame, stuff
+from shipnet.can.frame import decode as decode_can
 from shipnet.can.messages import Message, MessageSet, bus_load
-from shipnet.can.segment import Segment
+from shipnet.can.segment import DOMINANT, RECESSIVE, Segment, Signals
 from shipnet.can.simulation import simulate
 from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.faults import LostModbusFrames
@@ -198,14 +199,11 @@ def crc_finds(*, others: tuple[int, ...] = ()) -> bool:
     """Whether the CRC detects all one- and two-bit errors of a request, and the `others`."""
     frame = read(POINTS).rtu(JB1)
     bits = [1 << bit for bit in range(8 * len(frame))]
-    patterns = [*bits, *(a | b for a, b in combinations(bits, 2)), *map(_as_sent, others)]
+    patterns = [*bits, *(a | b for a, b in combinations(bits, 2))]
+    # Polynomials have their highest power first, and so does a byte on the line its lowest bit.
+    patterns += [int(f"{pattern:b}"[::-1], 2) for pattern in others]
     value = int.from_bytes(frame, "little")
     return not any(is_legal(decode, (value ^ p).to_bytes(len(frame), "little")) for p in patterns)
-
-
-def _as_sent(pattern: int) -> int:
-    """Return a polynomial with its bits in the order of transmission, highest power first."""
-    return int(f"{pattern:b}"[::-1], 2)
 
 
 @numeric("lee2012-033")
@@ -283,11 +281,62 @@ def asks_and_sends_again(*, timeout: float = System().timeout) -> bool:
     return bool(on_can and np.diff(requests["time_s"])[0] <= RULE)
 
 
-@check("lee2012-041", counter={"ohm": None})
-def terminators_suit_the_line(*, ohm: float | None = 120.0) -> bool:
-    """Whether three boxes on 60 m read JB1's bits correctly with these terminators, or none."""
-    bits = Frame(CanLayout(read_points()).messages()[0].arbitration_id, bytes(8)).bits[:14]
-    return not Segment(60, nodes=3, terminator=ohm).send({1: bits}, 125e3).wrong
+def _first_frame(data: bytes = bytes(8)) -> Frame:
+    """Return the first frame of JB1, which has the highest priority."""
+    return Frame(CanLayout(read_points()).messages()[0].arbitration_id, data)
+
+
+def _signals(segment: Segment | None = None) -> Signals:
+    """Return the beginning of JB1's first frame on 60 m of cable between three boxes."""
+    return (segment or Segment(60, nodes=3)).send({1: _first_frame().bits[:14]}, 125e3)
+
+
+@check("lee2012-041", counter={"terminated": False})
+def terminators_suit_the_line(*, terminated: bool = True) -> bool:
+    """Whether three boxes on 60 m read JB1's bits correctly with terminators, or without."""
+    bare = Segment(60, nodes=3, terminator=None)
+    return not _signals(None if terminated else bare).wrong
+
+
+@check("lee2012-107", counter={"volts": 0.6})
+def receivers_tolerate(*, volts: float = 0.4) -> float:
+    """Margin by which the boxes tolerate noise up to this between the wires [V]."""
+    signals = _signals().table()
+    dominant = float(signals["least_dominant_V"].min()) - DOMINANT
+    return min(dominant, RECESSIVE - float(signals["most_recessive_V"].max())) / volts - 1
+
+
+@check("lee2012-106", counter={"patterns": (0b1100010110011001,)})
+def can_finds_errors(*, patterns: tuple[int, ...] = ()) -> bool:
+    """Whether all bursts of 1 to 15 wrong bits in a CAN frame are detected, and the `patterns`.
+
+    A pattern falsifies the last bits of the CRC sequence and those before it.
+    """
+    frame = _first_frame(bytes(range(8)))
+    sent = int(frame.bits, 2)
+    wrong = [
+        f"{sent ^ ((1 << length) - 1 << place):0{len(frame.bits)}b}"
+        for length in range(1, 16)
+        for place in range(1, len(frame.bits) - length)  # receivers ignore the last bit of EOF
+    ]
+    body = frame.unstuffed
+    for pattern in patterns:
+        changed = stuff(f"{int(body, 2) ^ pattern:0{len(body)}b}")
+        wrong.append(changed + "".join(bits for _, bits in TAIL))
+    return not any(is_legal(decode_can, bits) for bits in wrong)
+
+
+@numeric("lee2012-109")
+def stuff_bits(*, value: int = 0) -> int:
+    """Number of stuff bits in JB1's first frame if all its data bytes have this value."""
+    return _first_frame(bytes([value]) * 8).stuff_bits
+
+
+@check("lee2012-083", counter={"kept": 4})
+def identifiers_tell_messages_apart(*, kept: int = 11) -> bool:
+    """Whether each message has its own identifier, and still if only this many bits are kept."""
+    numbers = [m.arbitration_id % 2**kept for m in CanLayout(read_points()).messages()]
+    return len(set(numbers)) == len(numbers)
 
 
 @numeric("lee2012-043")
@@ -310,9 +359,10 @@ def can_load(*, period: float = 1.0, bit_rate: float = 125e3) -> float:
 
 
 @check("lee2012-081", counter={"within": 5e-3})
-def all_arrive(*, within: float = 0.1) -> bool:
-    """Whether all frames, released at once, arrive intact within this time [s]."""
+def all_arrive(*, within: float = 0.1) -> float:
+    """Margin by which all frames, released at once, arrive intact within this time [s]."""
     messages = CanLayout(read_points()).messages()
     sent = simulate(messages, 125e3, until=0.5).events()
-    in_time = (sent["outcome"] == "sent") & (sent["end_ms"] <= 1e3 * within)
-    return bool(in_time.all()) and len(sent) == len(messages) and not sent["retries"].any()
+    intact = (sent["outcome"] == "sent").all() and not sent["retries"].any()
+    complete = intact and len(sent) == len(messages)
+    return 1 - float(sent["end_ms"].max()) / 1e3 / within if complete else -1.0

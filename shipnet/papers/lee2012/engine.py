@@ -6,6 +6,7 @@ Bore, stroke and the figures in horsepower are from the maker's project guide.
 from __future__ import annotations
 
 import re
+from itertools import product
 from math import pi
 
 import numpy as np
@@ -197,10 +198,30 @@ def one_resistor_fits(*, volts: tuple[float, float] = (1.0, 5.0)) -> bool:
     return bool(np.isclose(volts[0] / 4e-3, volts[1] / 20e-3))
 
 
-@check("lee2012-052", counter={"quantities": 20})
-def has_switches(*, quantities: int = 3) -> bool:
-    """Whether Table 3 has at least this many switches."""
-    return listed_points(column="condition", value="S/W") >= quantities
+@check("lee2012-052", counter={"switches": 1})
+def switches_distinguish(*, switches: int = 3) -> bool:
+    """Whether this many ON/OFF inputs distinguish all states of three quantities.
+
+    One input is a common alarm: it is on if any of the three is.
+    """
+    states = np.array(list(product((0, 1), repeat=3)))
+    inputs = states if switches == 3 else states.any(axis=1, keepdims=True).astype(int)
+    card = InputCard(PointList([p for p in read_points() if not p.analogue][:switches]))
+    codes = card.code(card.signal(inputs))
+    return len(np.unique(codes, axis=0)) == len(states)
+
+
+@check("lee2012-104", "lee2012-089", condition="RTD", counter={"share": 0.5})
+@check("lee2012-105", condition="4-20 mA", counter={"share": 0.5})
+def range_fills_the_converter(*, condition: str, share: float = 1.0) -> bool:
+    """Whether each sensor of a kind gives 0 V at its low end, and the reference at its high end.
+
+    `share` is the part of the range that is used.
+    """
+    points = PointList(p for p in read_points() if p.condition == condition)
+    card, low, high = InputCard(points), *np.array([(p.low, p.high) for p in points]).T
+    volts = card.voltage(card.signal([low, low + share * (high - low)]))
+    return bool(np.allclose(volts, [[0.0], [card.reference]]))
 
 
 @check("lee2012-088", counter={"offset": False})
@@ -211,9 +232,15 @@ def amplifier_fills_the_range(*, offset: bool = True, low: float = 1.0, high: fl
 
 
 @numeric("lee2012-051")
-def adc_step(*, bits: int = 10, reference: float = 5.0) -> float:
+def adc_step() -> float:
     """Step of the converter [mV]."""
-    return 1e3 * InputCard(read_points(), bits=bits, reference=reference).step
+    return 1e3 * InputCard(read_points()).step
+
+
+@check("lee2012-092", counter={"poles": 1})
+def switch_selects_the_mode(*, poles: int = 3) -> bool:
+    """Whether an on/off switch with this many poles has a setting for each mode."""
+    return bool(2**poles >= modes())
 
 
 @check("lee2012-093", counter={"printed": "High"})

@@ -12,18 +12,20 @@ from shipnet.engine.class_rules import Description, Redundancy
 from shipnet.engine.class_rules import check as check_rules
 from shipnet.engine.faults import CanBreak, DeadBox, ModbusBreak
 from shipnet.engine.points import read_points
+from shipnet.engine.serving import FUNCTIONS
 from shipnet.engine.simulation import simulate, single_failures
 from shipnet.engine.system import RULE, System
+from shipnet.modbus.slave import Slave
 from shipnet.papers.lee2012.buses import BIT_RATE, JB1, JB3, LINE, read, whole_poll
 from shipnet.papers.lee2012.engine import printed_points
 from shipnet.papers.registry import check, numeric
 
 
 @check("lee2012-058", counter={"rate": 1000.0})
-def answers_in_time(*, rate: float = BIT_RATE) -> bool:
-    """Whether a request for all points is answered within the 2 s of the rule."""
+def answers_in_time(*, rate: float = BIT_RATE) -> float:
+    """Margin by which a request for all points is answered within the 2 s of the rule."""
     poll = whole_poll(rate=rate)
-    return poll.line.frame_time(poll.request_size) + poll.shortest_timeout <= RULE
+    return 1 - (poll.line.frame_time(poll.request_size) + poll.shortest_timeout) / RULE
 
 
 @check("lee2012-003", counter={"second": "JB1"})
@@ -65,22 +67,26 @@ def ams_sees_the_mark(*, dead: str = "JB2") -> bool:
 
 
 @check("lee2012-054", counter={"limit": 2.0})
-def shown_within(*, limit: float = 1.0, update_period: float = 0.0) -> bool:
-    """Whether a changed input reaches the AMS within this time [s] if box loops never pause."""
-    return bool((System(update_period=update_period).worst_age()["worst_s"] <= limit).all())
+def shown_within(*, limit: float = 1.0, pause: bool = False) -> float:
+    """Margin by which a changed input reaches the AMS within this time [s].
+
+    As in Fig 5, the loops of the boxes do not pause, unless `pause` is set.
+    """
+    system = System() if pause else System(update_period=0.0)
+    return 1 - float(system.worst_age()["worst_s"].max()) / limit
 
 
 @check("lee2012-055", counter={"printed": 133e-3})
-def switch_over_is_possible(*, printed: float = 133e-6) -> bool:
-    """Whether a request and the shortest wait for its response fit into the printed time [s]."""
+def switch_over_is_possible(*, printed: float = 133e-6) -> float:
+    """Margin by which request and shortest wait for its response fit into the printed time [s]."""
     request = LINE.frame_time(len(read(1).pdu) + 3)
-    return printed >= request + LINE.t35
+    return 1 - (request + LINE.t35) / printed
 
 
 @check("lee2012-056", counter={"timeout": 1.5})
-def switches_in_time(*, timeout: float = System().timeout) -> bool:
-    """Whether a complete response arrives within the 2 s of the rule after a channel is lost."""
-    return System(timeout=timeout).switch_over().loss <= RULE
+def switches_in_time(*, timeout: float = System().timeout) -> float:
+    """Margin by which a response arrives within the 2 s of the rule after a channel is lost."""
+    return 1 - System(timeout=timeout).switch_over().loss / RULE
 
 
 @check("lee2012-061", counter={"polled": "one"})
@@ -122,6 +128,44 @@ def interrupts(*, silent_box: bool = True) -> int:
     faults = [DeadBox("JB2", start=10.0)] if silent_box else []
     work = simulate(System(), faults=faults, until=20).timeline(0, 20)
     return len(set(work.loc[work["row"] == "JB1", "task"]) - {"convert", "send"})
+
+
+@numeric("lee2012-110")
+def conversion_time() -> float:
+    """Longest time that a box needs to convert its inputs [ms]."""
+    return 1e3 * max(System().conversion_times.values())
+
+
+@numeric("lee2012-103")
+def worst_age() -> float:
+    """Greatest age of a value in normal operation [s]."""
+    return float(System().worst_age()["worst_s"].max())
+
+
+@check("lee2012-053", counter={"rate": 1000.0})
+def answers_each_second(*, rate: float = BIT_RATE) -> float:
+    """Margin by which a poll of all points ends before the next one begins."""
+    return 1 - whole_poll(rate=rate).time / System().poll_period
+
+
+@check("lee2012-084", counter={"task": "convert"})
+def is_never_interrupted(*, task: str = "Modbus") -> bool:
+    """Whether JB1 always carries out this task in one piece; requests come while it converts."""
+    phases = dict.fromkeys(System().boxes, 0.0)
+    work = simulate(System(), until=20.0, phases=phases).timeline(0, 20)
+    pieces = work[(work["row"] == "JB1") & (work["task"] == task)]
+    lasted = pieces["end_ms"] - pieces["start_ms"]
+    return bool(np.allclose(lasted, lasted.max()))
+
+
+@check("lee2012-062", counter={"functions": FUNCTIONS | {4}})
+def only_function_3_is_served(*, functions: frozenset[int] = FUNCTIONS) -> bool:
+    """Whether a box refuses all function codes except 3 with exception 1."""
+    box = Slave(holding_registers=[0] * 99, functions=functions)
+    refused = {
+        code for code in range(1, 128) if box.answer(bytes([code, 0, 0, 0, 1]))[1:] == b"\x01"
+    }
+    return refused == set(range(1, 128)) - {3}
 
 
 # The traces of a two-channel scope in Figs 12 and 13 ------------------------------------------

@@ -2,30 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from shipnet import style
+from shipnet.engine.faults import DeadBox
 from shipnet.engine.inputs import InputCard
-from shipnet.engine.points import read_points
-from shipnet.papers.plot import FILL, arrow, box, diagram, diagrams
+from shipnet.engine.points import CONDITIONS, PointList, read_points
+from shipnet.engine.simulation import simulate
+from shipnet.engine.system import System
+from shipnet.papers.lee2012.operation import response_scope, switch_over_scope
+from shipnet.papers.plot import FILL, box, diagram, diagrams, panels
 from shipnet.papers.registry import drawing
 
-__all__ = ["plot_channels", "plot_inputs"]
+__all__ = ["plot_channels"]
 
-diagrams("lee2012", "Fig 7", arrowstyle="-")
+#: Start of each box's loop [s]; the boxes do not start together.
+_PHASES = {"JB1": 0.0, "JB2": 0.08, "JB3": 0.12}
+
+diagrams("lee2012", "Fig 6")
+diagrams("lee2012", "Fig 7", "Fig 10", arrowstyle="-")
 
 
 @drawing("lee2012", "Fig 2")
 def _engine(*, cylinders: int = 8, ax: Axes) -> Axes:
     """Draw a simplified side view of the engine, with a junction box on each floor."""
-    box(ax, (0, 0), cylinders, 1, "0.92", "crankcase and bearings", edge="0.4")
-    box(ax, (0, 1), cylinders, 1, "0.96", "frame box", edge="0.4")
+    box(ax, (0, 0), cylinders, 1, "0.92", "crankcase and bearings", edgecolor="0.4")
+    box(ax, (0, 1), cylinders, 1, "0.96", "frame box", edgecolor="0.4")
     for number in range(cylinders):
-        box(ax, (number + 0.15, 2), 0.7, 0.9, "#cfe3f3", f"{number + 1}", edge="0.4")
+        box(ax, (number + 0.15, 2), 0.7, 0.9, "#cfe3f3", f"{number + 1}", edgecolor="0.4")
     listed = read_points()
     counted = listed.counts()["points"]
     for floor, name in enumerate(listed.boxes):
@@ -37,33 +45,89 @@ def _engine(*, cylinders: int = 8, ax: Axes) -> Axes:
     return style.bare(ax, (-2.2, cylinders + 2.1), (-0.1, 3.0))
 
 
-@drawing("lee2012", "Fig 6")
-def _flow(*, ax: Axes) -> Axes:
-    """Draw the main loop of a junction box and its three interrupts."""
-    titles = "main loop", "(a) Modbus interrupt", "(b) timer interrupt", "(c) CAN interrupt"
-    for column, title in enumerate(titles):
-        ax.text(2.2 * column, 4.0, title, ha="center", va="center", weight="bold")
-    diagram("lee2012", "Fig 6", ax=ax)
-    # The loop returns to the conversion, because the mode is read only once.
-    ax.plot([-0.82, -1.05, -1.05], [0.3, 0.3, 2.3], color="0.3", lw=1)
-    arrow(ax, (-1.05, 2.3), (-0.82, 2.3))
-    return style.bare(ax, (-1.3, 7.6), (-0.1, 4.25))
+@drawing("lee2012", "Fig 1")
+def _wiring(*, ax: Axes) -> Axes:
+    """Draw a cable from each sensor to its junction box, and on to the control room."""
+    points, top = read_points(), 3.2
+    by_box = points.by_box()
+    for x, width, room in ((-0.3, 5.5, "engine room"), (6.4, 2.0, "engine control room")):
+        box(ax, (x, -0.3), width, top + 0.6, "0.97", edgecolor="0.6", linestyle="--")
+        ax.text(x + width / 2, top + 0.4, room, ha="center", va="bottom")
+    rise, cables = 0.0, len(points)
+    for floor, (name, sensors) in enumerate(by_box.items()):
+        y = top - 0.4 - 1.2 * floor
+        heights = y + np.linspace(0.38, -0.38, len(sensors))
+        ends = top * (1 - (rise + np.arange(len(sensors)) + 0.5) / cables)
+        ax.plot(np.full(len(sensors), 0.5), heights, ".", color="C0", markersize=3)
+        ax.plot([0.5, 3.4], [heights, heights], color="C0", lw=0.4)
+        ax.plot([4.6, 7.0], [heights, ends], color="C0", lw=0.4)
+        box(ax, (3.4, y - 0.45), 1.2, 0.9, FILL["amber"], f"{name}\n{len(sensors)} sensors")
+        ax.text(0.4, y, f"floor {3 - floor}", ha="right", va="center", rotation=90)
+        rise += len(sensors)
+    box(ax, (7.0, 0), 0.9, top, FILL["blue"], "AMS")
+    return style.bare(ax, (-0.4, 8.5), (-0.4, top + 0.8))
 
 
-def plot_inputs(card: InputCard, corrected: InputCard, *, axes: Sequence[Axes]) -> None:
-    """Draw the voltage at the ADC against the loop current and the Pt100 resistance: Fig 8."""
-    current = np.linspace(0, 24e-3, 400)
-    resistance = np.linspace(70, 190, 400)
-    for inputs, label, line in ((card, "as printed", "-"), (corrected, "corrected", "--")):
-        for column, (ax, signal, scale) in enumerate(
-            zip(axes, (current, resistance), (1e3, 1), strict=True)
-        ):
-            signals = np.full((signal.size, 2), [12e-3, 120.0])
-            signals[:, column] = signal
-            ax.plot(scale * signal, inputs.voltage(signals)[:, column], line, label=label)
-    for ax, text in zip(axes, ("loop current [mA]", "resistance of the Pt100 [ohm]"), strict=True):
-        ax.set(xlabel=text, ylabel="voltage at the ADC [V]")
-    axes[0].legend()
+@drawing("lee2012", "Fig 3")
+def _network(*, ax: Axes) -> Axes:
+    """Draw the boxes, both buses and the AMS."""
+    return System().plot(ax=ax)
+
+
+@drawing("lee2012", "Fig 5")
+def _procedure(*, start: float = 1.0, stop: float = 1.3, ax: Axes) -> Axes:
+    """Draw what the boxes and the buses do between two times [s]."""
+    return simulate(System(), until=stop, phases=_PHASES).plot_timeline(start, stop, ax)
+
+
+@drawing("lee2012", "Fig 8", figsize=(8, 5))
+def _converters(*, margin: float = 0.125, ax: Axes) -> Axes:
+    """Draw the stages of the three converters, and the voltage that each makes of its signal.
+
+    The dashed lines are for amplifiers with this margin at both ends of the range.
+    """
+    stages, below = panels(ax, 2)
+    diagram("lee2012", "Fig 8", ax=stages)
+    signals = {
+        "resistance of the Pt100 [ohm]": (np.linspace(70, 190, 400), 1.0),
+        "loop current [mA]": (np.linspace(0, 24, 400), 1e-3),
+        "contact (1: closed)": (np.array([0.0, 1.0]), 1.0),
+    }
+    for panel, kind, (name, (signal, unit)) in zip(
+        panels(below, 1, 3), CONDITIONS, signals.items(), strict=True
+    ):
+        point = next(p for p in read_points() if p.condition == kind)
+        for label, look, edge in (("as printed", "-", 0.0), ("corrected", "--", margin)):
+            volts = InputCard(PointList([point]), margin=edge).voltage(unit * signal[:, None])
+            panel.plot(signal, volts, look if point.analogue else "o", label=label)
+        panel.set(xlabel=name, ylabel="converter input [V]")
+    panel.set_xticks([0, 1])
+    panel.figure.axes[-2].legend()
+    return ax
+
+
+@drawing("lee2012", "Fig 11")
+def _screen(*, time: float = 13.0, ax: Axes) -> Axes:
+    """Draw the screen of the AMS after JB2 has died at 10 s."""
+    dead = DeadBox("JB2", start=10.0)
+    return simulate(System(), faults=dead, until=20.0, phases=_PHASES).screen(time).plot(ax)
+
+
+@drawing("lee2012", "Fig 12", figsize=(8, 5))
+def _redundancy(*, cut: float = 1.5, ax: Axes) -> Axes:
+    """Draw the test, and what the AMS sends if channel 1 is unplugged at `cut` [s]."""
+    scenario, traces = panels(ax, 2)
+    diagram("lee2012", "Fig 12", ax=scenario, arrowstyle="-")
+    plot_channels(switch_over_scope(System(), cut=cut), ax=traces)
+    traces.axvline(1e3 * cut, **style.LIMIT)  # type: ignore[arg-type]
+    traces.text(1e3 * cut + 10, -0.25, "unplugged", color=style.LIMIT["color"], va="center")
+    return ax
+
+
+@drawing("lee2012", "Fig 13")
+def _response(*, ax: Axes) -> Axes:
+    """Draw a request and a response of 8 bytes."""
+    return plot_channels(response_scope(), ax=ax)
 
 
 def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *, ax: Axes) -> Axes:

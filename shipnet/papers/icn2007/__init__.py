@@ -6,6 +6,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 
@@ -17,8 +19,8 @@ from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.asi.segment import telegram_voltages
 from shipnet.asi.simulation import Standby, simulate
-from shipnet.asi.slave import Slave
-from shipnet.asi.telegram import RESPONSES, Call, Half, Request, Response, frame
+from shipnet.asi.slave import WATCHDOG, Slave
+from shipnet.asi.telegram import RESPONSES, Call, Half, Request, Response
 from shipnet.asi.timing import Transaction, cycle_time
 from shipnet.asi.topologies import line, ring, star
 from shipnet.errors import ArgumentError
@@ -34,12 +36,20 @@ from shipnet.papers.kim2023.protocol import (
     five_slaves,
     goes_on_after,
     master_pause_of_chip,
+    reach,
     slaves_per_master,
+    word_bits,
 )
 from shipnet.papers.registry import REGISTRY, check, is_legal, numeric
 
-__all__ = ["allowed_plans", "arriving_share", "bus_efficiencies", "consumer_drop", "pulse_height"]
-__all__ += ["rate_table", "share_above"]
+__all__ = [
+    "allowed_plans",
+    "arriving_share",
+    "bus_efficiencies",
+    "consumer_drop",
+    "modulation_table",
+]
+__all__ += ["pulse_height", "rate_table", "share_above"]
 
 
 #: Claims that kim2023 makes too, with the id of its claim: the same function computes both.
@@ -69,9 +79,11 @@ _SHARED = {
     "icn2007-062": "kim2023-102",
     "icn2007-063": "kim2023-103",
     "icn2007-064": "kim2023-104",
+    "icn2007-066": "kim2023-121",
 }
 REGISTRY.update({ours: REGISTRY[theirs] for ours, theirs in _SHARED.items()})
 numeric("icn2007-005", unit=1e-3)(bit_time)
+numeric("icn2007-021", request=True)(word_bits)
 numeric("icn2007-036", halves=(None,))(slaves_per_master)
 check("icn2007-038", repeats=False, counter={"wait": 11.0})(goes_on_after)
 
@@ -101,12 +113,6 @@ def example_for_21a(*, data: int = 0xE) -> bool:
 def output_bits(*, profile: str) -> int:
     """Number of output bits in a request to a slave with this profile."""
     return Profile.parse(profile).output_bits
-
-
-@numeric("icn2007-021")
-def request_word() -> int:
-    """Bits of a request without start, parity and end bit."""
-    return len(Request.data_exchange(21, 0xE).bits) - len(frame(""))
 
 
 @check("icn2007-043", counter={"bits": "0011011"})
@@ -146,29 +152,22 @@ def not_acknowledged(*, call: Call = Call.BROADCAST_RESET) -> bool:
 # Lost responses, dead slaves and the standby master --------------------------------------------
 
 
-@check("icn2007-028", counter={"damaged": False})
-def silent_after_error(*, damaged: bool = True) -> bool:
-    """Whether a synchronous slave ignores a damaged request."""
-    bits = Request(Call.READ_ID, 3).bits
-    if damaged:
-        bits = bits[:-2] + str(1 - int(bits[-2])) + bits[-1]
-    return answer_to(bits) == "silence"
+#: A request to slave 3, one to slave 4, one with a wrong parity bit, and one of no call of the
+#: standard: control bit 1, address 3, information 10111.
+OWN, OTHER = (Request(Call.READ_ID, address).bits for address in (3, 4))
+DAMAGED, UNKNOWN = OWN[:-2] + str(1 - int(OWN[-2])) + OWN[-1], "01000111011111"
 
 
-@check("icn2007-052", counter={"bits": Request(Call.READ_ID, 3).bits})
-def silent_to_others(*, bits: str = "") -> bool:
-    """Whether a synchronous slave ignores requests to other slaves and unknown calls."""
-    requests = [bits] if bits else [Request(Call.READ_ID, 4).bits, UNKNOWN]
-    return all(answer_to(one) == "silence" for one in requests)
+@check("icn2007-028", requests=(DAMAGED,), counter={"requests": (OWN,)})
+@check("icn2007-052", requests=(OTHER, UNKNOWN), counter={"requests": (OWN,)})
+def is_silent(*, requests: tuple[str, ...]) -> bool:
+    """Whether slave 3, if synchronous, responds to none of these requests."""
+    return all(answer_to(bits) == "silence" for bits in requests)
 
 
-#: Control bit 1, address 3, information 10111: reserved, so not a call of the standard.
-UNKNOWN = "01000111011111"
-
-
-def answer_to(bits: str) -> str:
-    """Return the response of slave 3, which is synchronous, to a request."""
-    return str(Slave("3").listen(["", bits])["answer"].iloc[-1])
+def answer_to(*telegrams: str) -> str:
+    """Return the response of slave 3, which is synchronous, to the last of these telegrams."""
+    return str(Slave("3").listen(["", *telegrams])["answer"].iloc[-1])
 
 
 @check("icn2007-034", counter={"lost": 0})
@@ -182,15 +181,21 @@ def repeats_what_was_done(*, lost: int = 1) -> bool:
 
 
 @check("icn2007-039", counter={"standby": False})
-def standby_takes_over(*, standby: bool = True) -> bool:
-    """Whether data are exchanged with all slaves after the master has failed."""
+def standby_takes_over(*, standby: bool = True) -> float:
+    """Margin of the time until a standby master takes over, within a slave's watchdog time.
+
+    It is -1 if some slave exchanges no data afterwards.
+    """
     master = Master({str(address): "S-0.F.F" for address in ADDRESSES})
     second = Standby(master) if standby else None
     run = simulate(
         five_slaves(), master, until=0.2, faults=MasterFailure(start=0.1), standby=second
     )
     later = run.events().query("time_s > 0.15 and call == 'DATA_EXCHANGE' and outcome == 'ok'")
-    return set(later["slave"]) == {str(address) for address in ADDRESSES}
+    if set(later["slave"]) != {str(address) for address in ADDRESSES}:
+        return -1.0
+    first = run.events().query("standby")["time_s"].min()
+    return float(1 - (first - 0.1) / WATCHDOG)
 
 
 # Rates under every assumption ------------------------------------------------------------------
@@ -276,8 +281,8 @@ def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -
 
 
 @check("icn2007-007", counter={"supply": {"r": 78.0}})
-def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
-    """Whether the voltage of every response sums to under 1 % of the sum of its absolute values.
+def no_direct_component(*, supply: dict[str, float] | None = None) -> float:
+    """Margin within which the voltage of every response sums to 1 % of its absolute values.
 
     The sum is small because of the supply's inductor; the counter-example has a resistor instead.
     """
@@ -287,17 +292,17 @@ def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
         network = Network(plan.cables, {"0 m": Load(**supply)})
     nodes = [slave.node for slave in plan.slaves]
     (u,) = telegram_voltages(network, "0 m", nodes, RESPONSES, after=55e-6)
-    return bool((np.abs(u.sum(axis=-1)) < 1e-2 * np.abs(u).sum(axis=-1)).all())
+    return float(1 - (np.abs(u.sum(axis=-1)) / np.abs(u).sum(axis=-1)).max() / 1e-2)
 
 
 @check("icn2007-032", counter={"length": 200.0})
-def dense_pulses_change_more(*, length: float = 100.0) -> bool:
-    """Whether an open end changes pulses that are 3 us apart more than pulses 6 us apart."""
+def dense_pulses_change_more(*, length: float = 100.0) -> float:
+    """Fraction by which an open end changes pulses 3 us apart more than pulses 6 us apart."""
     change = [
         abs(pulse_height(length, bits) / pulse_height(length, bits, terminator=100.0) - 1)
         for bits in ("0" * 16, "01" * 8)
     ]
-    return bool(change[0] > change[1])
+    return float(change[0] / change[1] - 1)
 
 
 def pulse_height(
@@ -317,8 +322,8 @@ def pulse_height(
 
 
 @check("icn2007-033", counter={"speed": 2.0})
-def signal_suits_cable(*, speed: float = 1.0, length: float = 100.0) -> bool:
-    """Whether an open end distorts a request's spectrum less than half as much as a noise spectrum.
+def signal_suits_cable(*, speed: float = 1.0, length: float = 100.0) -> float:
+    """Margin by which an open end distorts a request less than half as much as noise.
 
     The request is sent at `speed` times the bit rate of AS-i; the noise is white, up to 3 MHz.
     """
@@ -327,7 +332,7 @@ def signal_suits_cable(*, speed: float = 1.0, length: float = 100.0) -> bool:
     bits = Request.data_exchange(21, 0xE).bits
     energy = np.abs(s * Modulation(bits).transform(s / speed)) ** 2
     signal, noise = (bent_by_the_end(length, s, w) for w in (energy, np.ones_like(energy)))
-    return signal < noise / 2
+    return noise / 2 / signal - 1
 
 
 def bent_by_the_end(
@@ -360,9 +365,9 @@ def arriving_share(length: float, *, cable: Cable = CABLES["as-i 1.5"]) -> float
 
 
 @check("icn2007-051", counter={"pulse": "rectangle"})
-def pulse_is_narrow(*, pulse: str = "sin2") -> bool:
-    """Whether less than 0.1 % of a request's energy lies above two pulses per half bit."""
-    return share_above(2 / HALF_BIT, pulse=pulse) < 1e-3
+def pulse_is_narrow(*, pulse: str = "sin2") -> float:
+    """Margin within which 0.1 % of a request's energy lies above two pulses per half bit."""
+    return 1 - share_above(2 / HALF_BIT, pulse=pulse) / 1e-3
 
 
 def share_above(frequency: float, *, pulse: str = "sin2") -> float:
@@ -402,9 +407,10 @@ def allowed_plans() -> dict[str, Plan]:
     }
 
 
-def keeps_all_rules(plan: Plan) -> bool:
-    """Return whether a plan meets every rule."""
-    return plan.check().ok is True
+def margin_of(plan: Plan) -> float:
+    """Return the smallest margin of the rules that a plan does not meet exactly at their limit."""
+    margins = plan.check().worst()["margin"]
+    return float(margins[margins.abs() > 1e-9].min())
 
 
 def trunk_and_star(leg: float = 10 / SLAVES, supply: float = 90.0) -> Plan:
@@ -412,49 +418,52 @@ def trunk_and_star(leg: float = 10 / SLAVES, supply: float = 90.0) -> Plan:
     return star(90, [leg] * SLAVES, supply=supply)
 
 
-@check("icn2007-003", counter={"leg": 2.0})
-def star_behind_trunk_is_allowed(*, leg: float = 10 / SLAVES) -> bool:
-    """Whether a star of 62 legs of this length [m] at the end of 90 m meets every rule."""
-    return keeps_all_rules(trunk_and_star(leg))
+@check("icn2007-003", supply=90.0, counter={"leg": 2.0})
+@check("icn2007-056", supply=0.0, counter={"supply": 90.0})
+def star_behind_trunk(*, supply: float, leg: float = 10 / SLAVES) -> float:
+    """Smallest margin of 90 m of cable, fed at `supply` [m], and a star of legs of this length."""
+    return margin_of(trunk_and_star(leg, supply))
 
 
 @check("icn2007-004", counter={"length": 101.0})
-def line_is_allowed(*, length: float = 100.0) -> bool:
-    """Whether a line of this length [m] with a slave at its end meets every rule."""
-    return keeps_all_rules(line(length, [length]))
+def line_is_allowed(*, length: float = 100.0) -> float:
+    """Smallest margin of a line of this length [m] with a slave at its end."""
+    return margin_of(line(length, [length]))
+
+
+@check("icn2007-002", counter={"tap": 5.0})
+def taps_count_too(*, tap: float = 4.0) -> bool:
+    """Whether the rule for the length counts 60 m of trunk and ten taps, and is met."""
+    found = star(60, legs=[tap] * 10).check().table().set_index("rule").loc["cable_length"]
+    return bool(np.isclose(found["value"], 60 + 10 * tap) and found["verdict"] == "met")
 
 
 @check("icn2007-048", counter={"supply": 0.0})
-def structures_are_allowed(*, supply: float = 50.0) -> bool:
-    """Whether all structures meet every rule; the evenly spaced line is fed at `supply` [m]."""
+def structures_are_allowed(*, supply: float = 50.0) -> float:
+    """Smallest margin of all structures; the evenly spaced line is fed at `supply` [m]."""
     plans = {**allowed_plans(), "evenly": line(100, SLAVES, supply=supply)}
-    return all(keeps_all_rules(plan) for plan in plans.values())
+    return min(margin_of(plan) for plan in plans.values())
 
 
 @check("icn2007-027", counter={"user_bits": 64})
-def as_i_is_the_most_efficient(*, user_bits: int = 4) -> bool:
-    """Whether AS-i has the highest efficiency for this many user bits."""
-    return bool(bus_efficiencies(user_bits).iloc[0].idxmax() == "as_i")
+def as_i_is_the_most_efficient(*, user_bits: int = 4) -> float:
+    """Fraction by which AS-i is more efficient than the next best bus for this many user bits."""
+    efficiency = bus_efficiencies(user_bits).iloc[0]
+    return float(efficiency["as_i"] / efficiency.drop("as_i").max() - 1)
 
 
 # Further statements of sections 4 and 5 and of the data link layer ------------------------------
 
 
 @check("icn2007-055", counter={"quantity": "characteristic impedance"})
-def impedance_rises(*, quantity: str = "series impedance") -> bool:
-    """Whether this quantity of nominal cable is over ten times as large at 667 kHz as at 1 kHz."""
+def impedance_rises(*, quantity: str = "series impedance") -> float:
+    """Margin by which this quantity of nominal cable is ten times larger at 667 kHz than at 1."""
     s = 2j * np.pi * np.array([1e3, 667e3])
     cable = CABLES["as-i 1.5"]
     series = cable.series_impedance(s)
     wave = np.sqrt(series / cable.shunt_admittance(s))
     low, high = np.abs(series if quantity == "series impedance" else wave)
-    return bool(high > 10 * low)
-
-
-@check("icn2007-056", counter={"supply": 90.0})
-def supply_may_be_anywhere(*, supply: float = 0.0) -> bool:
-    """Whether the star behind a trunk meets every rule if it is fed at `supply` [m]."""
-    return keeps_all_rules(trunk_and_star(supply=supply))
+    return float(high / low / 10 - 1)
 
 
 @check("icn2007-057", counter={"longest": 200.0})
@@ -466,14 +475,14 @@ def robust_on_any_topology(*, longest: float = 100.0) -> bool:
 
 
 @check("icn2007-058", counter={"power": 1})
-def current_is_the_integral(*, power: int = 2) -> bool:
-    """Whether the send current's slope has pulses of sin**`power`, to within 0.1 % of the peak."""
+def current_is_the_integral(*, power: int = 2) -> float:
+    """Margin of the send current's slope from pulses of sin**`power` within 0.1 % of the peak."""
     bits = Request.data_exchange(21, 0xE).bits
     t = np.arange(0.0, 2 * HALF_BIT * len(bits) + 2e-6, 20e-9)
     slope = np.gradient(Modulation(bits).current(t), t)
     x = np.clip(t / HALF_BIT - np.arange(2 * len(bits))[:, np.newaxis], 0, 1)
     pulses = Modulation(bits).steps @ np.sin(np.pi * x) ** power
-    return bool(np.abs(slope / np.abs(slope).max() - pulses).max() < 1e-3)
+    return float(1 - np.abs(slope / np.abs(slope).max() - pulses).max() / 1e-3)
 
 
 @check("icn2007-059", counter={"lost": 0})
@@ -486,10 +495,66 @@ def only_one_telegram_is_repeated(*, lost: int = 1) -> bool:
 
 
 @check("icn2007-060", counter={"dead": True})
-def response_time_is_guaranteed(*, dead: bool = False) -> bool:
-    """Whether every slave exchanges data at least once per cycle time; if `dead`, slave 3 fails."""
+def response_time_is_guaranteed(*, dead: bool = False) -> float:
+    """Margin of every slave's interval within the cycle time; if `dead`, slave 3 fails."""
     faults = [DeadSlave("3", start=0.25, stop=0.3)] if dead else []
     run = simulate([Slave(f"{address}") for address in range(1, 32)], until=0.4, faults=faults)
     done = run.events().query("call == 'DATA_EXCHANGE' and outcome == 'ok' and time_s > 0.2")
     longest = done.groupby("slave")["time_s"].apply(lambda times: times.diff().max())
-    return len(longest) == 31 and bool((longest <= float(cycle_time(31))).all())
+    return float(cycle_time(31)) / float(longest.max()) - 1
+
+
+@check("icn2007-067", counter={"lengths": (100, 90, 80)})
+def longer_needs_more_repeaters(*, lengths: tuple[int, ...] = (100, 200, 300)) -> bool:
+    """Whether each of these networks [m] needs more repeaters than the one before."""
+    needed = [next(k for k in range(3) if reach(repeaters=k) >= length) for length in lengths]
+    return all(more > fewer for fewer, more in pairwise(needed))
+
+
+#: Modulations that were in use before AS-i.
+MODULATIONS = ("NRZ", "Manchester", "AMI", "FSK")
+
+
+def levels_of(bits: str, modulation: str) -> Floats:
+    """Return four levels per bit: NRZ, Manchester, AMI, or FSK with one or two periods per bit."""
+    values = np.array([int(bit) for bit in bits])
+    marks = values * (1 - 2 * (np.cumsum(values) % 2))  # a mark has the opposite sign of the last
+    steady = np.ones((len(bits), 4))
+    levels = {
+        "NRZ": (2 * values - 1)[:, np.newaxis] * steady,
+        "Manchester": (2 * values - 1)[:, np.newaxis] * [-1, -1, 1, 1],
+        "AMI": marks[:, np.newaxis] * steady,
+        "FSK": np.where(values[:, np.newaxis] == 1, [1, -1, 1, -1], [1, 1, -1, -1]),
+    }
+    return np.asarray(levels[modulation], dtype=float).ravel()
+
+
+def modulation_table() -> pd.DataFrame:
+    """Return the DC component of responses, and the energy of a request above 667 kHz.
+
+    The DC component is the largest mean of a response's levels, relative to its amplitude.
+    """
+    bits, x = Request.data_exchange(21, 0xE).bits, FREQUENCIES * HALF_BIT / 2
+    rows = {"APM": (0.0, share_above(2 / HALF_BIT))}
+    for name in MODULATIONS:
+        levels = levels_of(bits, name)
+        spectrum = np.sinc(x) * (levels @ np.exp(-2j * np.pi * np.outer(np.arange(levels.size), x)))
+        energy = np.abs(spectrum) ** 2
+        high = float(energy[FREQUENCIES > 2 / HALF_BIT].sum() / energy.sum())
+        means = [abs(levels_of(Response(data).bits, name).mean()) for data in range(16)]
+        rows[name] = (float(max(means)), high)
+    columns = ["dc_share", "energy_above_667_khz"]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+
+
+@check("icn2007-068", counter={"names": ("APM",)})
+def none_meets_both(*, names: tuple[str, ...] = MODULATIONS) -> bool:
+    """Whether none of these is free of DC and has under 0.1 % of its energy above 667 kHz."""
+    table = modulation_table().loc[list(names)]
+    return not ((table["dc_share"] < 1e-3) & (table["energy_above_667_khz"] < 1e-3)).any()
+
+
+@check("icn2007-069", counter={"pause": False})
+def reads_the_next_request(*, pause: bool = True) -> bool:
+    """Whether a slave that heard a damaged request answers its own next one."""
+    return answer_to(DAMAGED, *[""] * pause, OWN) != "silence"

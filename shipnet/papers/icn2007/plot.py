@@ -1,0 +1,83 @@
+"""Figures of icn2007, drawn from our models: the printed curves were not available."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from shipnet import style
+from shipnet.asi.modulation import Modulation
+from shipnet.asi.slave import Slave
+from shipnet.asi.telegram import Request
+from shipnet.asi.timing import Transaction
+from shipnet.asi.topologies import line
+from shipnet.line.cable import CABLES, Cable
+from shipnet.papers.plot import panels
+from shipnet.papers.registry import drawing
+
+#: The example request, and the cable with a skin effect that we assume.
+REQUEST = Request.data_exchange(21, 0xE)
+SKIN = Cable(r=0.03, l=0.65e-6, c=65e-12, skin=30e3)
+
+
+drawing("icn2007", "Fig 9", figsize=(9, 2.6))(
+    lambda *, ax: Transaction().plot(REQUEST, REQUEST.answer(0x6), ax)
+)
+drawing("icn2007", "Fig 3.19", figsize=(9, 2.2))(lambda *, ax: Slave.plot_states(ax))
+
+
+@drawing("icn2007", "Fig 7a/7b", figsize=(7, 4.6))
+def _bits_and_pulses(*, at: float = 50.0, ax: Axes) -> Axes:
+    """Draw bits, current and voltage of the example request."""
+    wave = line(100, slaves=(5, at, 100)).waveform(
+        REQUEST, f"{at:g} m", dt=50e-9, before=0, after=18.4e-6
+    )
+    Modulation(REQUEST.bits).plot(wave, axes=panels(ax, 3, sharex=True))
+    return ax
+
+
+@drawing("icn2007", "Fig 8", figsize=(7.5, 3.2))
+def _eyes(*, lengths: tuple[float, ...] = (100, 150, 200), ax: Axes) -> Axes:
+    """Draw the eye diagrams of a near and a far slave on cables of these lengths [m]."""
+    for panel, length in zip(panels(ax, 1, len(lengths)), lengths, strict=True):
+        wave = line(length, slaves=(5, length)).waveform(dt=50e-9, before=5e-6, after=55.4e-6)
+        wave.eye().plot(panel)
+        panel.set(title=f"{length} m", ylim=(-0.6, 1.1))
+        panel.label_outer()
+        panel.legend().remove()
+    return ax
+
+
+@drawing("icn2007", "Fig 4-1", figsize=(6.4, 4.4))
+def _impedance_and_spectrum(*, cable: Cable = CABLES["as-i 1.5"], ax: Axes) -> Axes:
+    """Draw the impedance of the cable, and the spectrum of the example request."""
+    upper, lower = panels(ax, 2, sharex=True)
+    f = np.arange(1e3, 800e3, 1e3)
+    s = 2j * np.pi * f
+    series = cable.series_impedance(s)
+    upper.plot(f / 1e3, np.abs(series))
+    upper.set(ylabel="impedance [ohm/m]", ylim=(0, None))
+    wave = upper.twinx()
+    characteristic = np.abs(np.sqrt(series / cable.shunt_admittance(s)))
+    wave.plot(f / 1e3, characteristic, "C1--")
+    wave.set(ylabel="[ohm]", ylim=(0, 600))
+    wave.grid(visible=False)
+    names = ("series, per metre (left)", "characteristic (right)")
+    upper.legend([*upper.lines, *wave.lines], names, loc="upper center")
+    upper.label_outer()
+    level = Modulation(REQUEST.bits).spectrum(f)
+    lower.plot(f / 1e3, level / level.max(), color="C2")
+    lower.set(xlabel="frequency [kHz]", ylabel="signal / largest [1]", xlim=(0, 800))
+    return ax
+
+
+@drawing("icn2007", "Fig 4-2")
+def _attenuation(*, ax: Axes) -> Axes:
+    """Draw the attenuation of 100 m of cable."""
+    f = np.arange(0.5e3, 800e3, 1e3)
+    cables = {"constant resistance": CABLES["as-i 1.5"], "skin effect, assumed": SKIN}
+    for (name, cable), look in zip(cables.items(), ("-", "--"), strict=True):
+        ax.plot(f / 1e3, 100 * cable.attenuation(f), "C3" + look, label=name)
+    ax.set(xlabel="frequency [kHz]", ylabel="loss [dB / 100 m]", xlim=(0, 800), ylim=(0, 0.6))
+    style.legend(ax)
+    return ax
