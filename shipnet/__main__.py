@@ -329,7 +329,7 @@ def _grade(arguments: argparse.Namespace) -> Answer:
 
     grades, verdicts = map(encodable, grade(arguments.folder))
     correct = grades.drop(columns=["name", "file", "points", "flags"]).sum()
-    count = f"{len(grades)} notebook{'s' * (len(grades) != 1)}"
+    count = f"{len(grades)} notebook{'' if len(grades) == 1 else 's'}"
     verdict = f"{count}, {(grades['flags'] != '').sum()} with a flag"
     rows = grades.astype(object).fillna("-").to_string(index=False)
     return Answer(

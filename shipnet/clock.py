@@ -40,12 +40,12 @@ class Fault:
 def as_faults(faults: Any, *kinds: type) -> tuple[Any, ...]:
     """Return one or more faults as a tuple; raise ArgumentError if any is not of the `kinds`."""
     kinds = kinds or (Fault,)
-    known = ", ".join(sorted(kind.__name__ for kind in kinds))
+    names = ", ".join(sorted(kind.__name__ for kind in kinds))
     try:
         several = (faults,) if isinstance(faults, kinds) else tuple(faults)
     except TypeError:
-        raise ArgumentError(f"faults is {faults!r}; it must be one or more of {known}") from None
+        raise ArgumentError(f"faults is {faults!r}; it must be one or more of {names}") from None
     for fault in several:
         if not isinstance(fault, kinds):
-            raise ArgumentError(f"one of faults is {fault!r}; it must be one of {known}")
+            raise ArgumentError(f"one of faults is {fault!r}; it must be one of {names}")
     return several

@@ -133,9 +133,9 @@ class Code:
 
     def __init__(self, function: Callable[..., Any] | str) -> None:
         try:
-            found: Any = resolve_name(function) if isinstance(function, str) else function
-            found = found.fget if isinstance(found, property) else found
-            self._text = dedent(inspect.getsource(inspect.unwrap(found))).rstrip()
+            resolved: Any = resolve_name(function) if isinstance(function, str) else function
+            resolved = resolved.fget if isinstance(resolved, property) else resolved
+            self._text = dedent(inspect.getsource(inspect.unwrap(resolved))).rstrip()
         except (AttributeError, ImportError, OSError, TypeError, ValueError):
             raise ArgumentError(
                 f"function is {function!r}; it must be a function of Python or its full name"

@@ -87,8 +87,8 @@ class Crc:
     def _table(self) -> list[int]:
         """The remainder of each byte, which the register holds after eight shifts."""
         how = 8 * [0], self._divisor, self.width, self.reflected
-        place = 0 if self.reflected else self.width - 8
-        return [shift_bits(byte << place, *how) for byte in range(256)]
+        shift = 0 if self.reflected else self.width - 8
+        return [shift_bits(byte << shift, *how) for byte in range(256)]
 
     @overload
     def of(self, data: bytes | bytearray | memoryview | str) -> int: ...
@@ -139,10 +139,10 @@ class Crc:
         >>> [MODBUS.undetected(flips=n) for n in (1, 2)]
         [0, 0]
         """
-        found = self.syndromes(check_whole("payload", payload, 1, 16))
+        syndromes = self.syndromes(check_whole("payload", payload, 1, 16))
         if check_whole("flips", flips, 1, 2) == 1:
-            return int((found == 0).sum())
-        _, counts = np.unique(found, return_counts=True)
+            return int((syndromes == 0).sum())
+        _, counts = np.unique(syndromes, return_counts=True)
         return int((counts * (counts - 1) // 2).sum())
 
     def syndromes(self, n_bytes: int) -> npt.NDArray[np.int64]:

@@ -182,9 +182,9 @@ class InputError(ValueError):
         groups = self._groups(most is not None)
         if most is None:
             return [text for text, _ in groups] + ([f"and {self.more} more"] if self.more else [])
-        rest = sum(count for _, count in groups[most:]) + self.more
+        hidden = sum(count for _, count in groups[most:]) + self.more
         return [_without_middle(_short(text), _FAULT) for text, _ in groups[:most]] + (
-            [f"and {rest} more"] if rest else []
+            [f"and {hidden} more"] if hidden else []
         )
 
     def __str__(self) -> str:
@@ -193,18 +193,18 @@ class InputError(ValueError):
     def _groups(self, short: bool) -> list[tuple[str, int]]:
         groups: dict[tuple[str, str, str], list[tuple[int, str]]] = {}
         for fault in self.faults:
-            found = _PLACED.fullmatch(fault)
-            parts = tuple(filter(None, found.groups())) if found else ("", "0", fault)
+            match = _PLACED.fullmatch(fault)
+            parts = tuple(filter(None, match.groups())) if match else ("", "0", fault)
             what, row, head, value, tail = (*parts, "", "")[:5]
             groups.setdefault((what, head, tail), []).append((int(row), value))
-        said = []
+        messages = []
         for (what, head, tail), places in groups.items():
             rows, values = [row for row, _ in places], list(dict.fromkeys(v for _, v in places))
             if short and (more := len(values) - _VALUES) > 1:
                 values = [*values[:_VALUES], f"{more} more"]
             listing = listed(rows, _RUNS if short else None) if what else ""
-            said.append((f"{what}{listing}{head}{_joined(values)}{tail}", len(places)))
-        return said
+            messages.append((f"{what}{listing}{head}{_joined(values)}{tail}", len(places)))
+        return messages
 
 
 #: A fault with its place: "row" or "line", its number, and text that may quote a wrong value.
@@ -233,8 +233,8 @@ def listed(numbers: Iterable[int], runs_shown: int | None = _RUNS) -> str:
             runs.append([number])
     shown = len(runs) if runs_shown is None else runs_shown
     parts = [" to ".join(map(str, run)) for run in runs[:shown]]
-    if rest := sum(run[-1] - run[0] + 1 for run in runs[shown:]):
-        parts.append(f"{rest} more")
+    if hidden := sum(run[-1] - run[0] + 1 for run in runs[shown:]):
+        parts.append(f"{hidden} more")
     return f"{'s' if sum(map(len, runs)) > 1 else ''} {_joined(parts)}"
 
 

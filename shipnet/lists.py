@@ -84,17 +84,17 @@ class Words:
     units: Mapping[str, str]
 
     @lru_cache(4096)  # noqa: B019 # there are three objects, one per kind of list
-    def column_of(self, title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | None:
+    def column_of(self, title: str, assigned: tuple[tuple[str, str], ...] = ()) -> Column | None:
         """Return the column that a title, which may be in two languages, names, or None.
 
-        `own` has further pairs of a spelling and its column.
+        `assigned` has further pairs of a spelling and its column.
         """
         if len(title) > _LONGEST:
             return None
-        known = {plain(word): column for word, column in own}
+        column_for = {plain(word): column for word, column in assigned}
         bare, unit = _without_unit(title)
         for text in (title, bare):
-            if (word := known.get(plain(text))) and (named := self._column(word)):
+            if (word := column_for.get(plain(text))) and (named := self._column(word)):
                 usual = self.units.get(named.name, "")
                 ends = [last for last in _words(bare)[-1:] if last in ALIKE.get(usual, ())]
                 return Column(named.name, unit or "".join(ends) or named.unit)
@@ -160,11 +160,11 @@ def united(
             titles.append(title)
             continue
         both = (f"{spanning} {cell}".strip(), cell)
-        known = next((text for text in both if column_of(text)), None)
-        if known is None and not certain and (cell.isascii() or not title):
+        recognised = next((text for text in both if column_of(text)), None)
+        if recognised is None and not certain and (cell.isascii() or not title):
             return None
-        understood += known is not None
-        titles.append(known or (both[0] if certain else title))
+        understood += recognised is not None
+        titles.append(recognised or (both[0] if certain else title))
     return titles if understood else None
 
 
@@ -208,7 +208,7 @@ def read_number(cell: str, mark: str, unit: str, target: str) -> float | None:
     units = ALIKE[target]
     if match is None or (match[3] and match[3].casefold() not in units):
         return None
-    digits, exponent, own = match.groups("")
+    digits, exponent, cell_unit = match.groups("")
     for blank in " '":
         digits = digits.replace(blank, "") if _GROUPS[blank].match(digits) else digits
     last = max(".,", key=digits.rfind)
@@ -222,7 +222,7 @@ def read_number(cell: str, mark: str, unit: str, target: str) -> float | None:
         if digits.count(last) == 1 and not mark:
             return None
         digits = digits.replace(last, "")
-    power = int(exponent[1:] or 0) + units[own.casefold() or unit] - units[target]
+    power = int(exponent[1:] or 0) + units[cell_unit.casefold() or unit] - units[target]
     try:
         return float(f"{digits.replace(',', '.')}e{power}")
     except ValueError:
@@ -281,9 +281,9 @@ class Cells:
     has_spares: ClassVar[bool] = False  #: Whether rows marked spare or named by a dash are void.
 
     def __init__(
-        self, sheet: Sheet, own: tuple[tuple[str, str], ...] = (), *, is_saved: bool = False
+        self, sheet: Sheet, assigned: tuple[tuple[str, str], ...] = (), *, is_saved: bool = False
     ) -> None:
-        self.sheet, self.own = sheet, own
+        self.sheet, self.assigned = sheet, assigned
         self.source = f"{sheet.source}, sheet {sheet.sheet}" if sheet.sheet else sheet.source
         self.remarks = list(sheet.remarks)
         self.places: dict[str, list[int]] = {}
@@ -303,7 +303,7 @@ class Cells:
         if sheet.separator:
             # Either the row is shifted, or an unquoted cell contains the separator.
             for row in beside:
-                last = max(place for place, cell in enumerate(rows[row][1]) if cell)
+                last = max(index for index, cell in enumerate(rows[row][1]) if cell)
                 self.fault(row, "", f" has {last + 1} cells; expected {width}")
         elif beside:
             numbers = tuple(self.rows[row] for row in beside)
@@ -323,11 +323,13 @@ class Cells:
     # What a kind of list decides.
 
     @classmethod
-    def score(cls, own: tuple[tuple[str, str], ...] = ()) -> Callable[[Sequence[str]], float]:
+    def score(cls, assigned: tuple[tuple[str, str], ...] = ()) -> Callable[[Sequence[str]], float]:
         """Return a function that scores how well the cells of a row serve as titles."""
 
         def worth(cells: Sequence[str]) -> float:
-            names = {column.name for cell in cells if (column := cls.words.column_of(cell, own))}
+            names = {
+                column.name for cell in cells if (column := cls.words.column_of(cell, assigned))
+            }
             return len(names) if len(names) > 1 and not names.isdisjoint(cls.titled_by) else 0
 
         return worth
@@ -347,13 +349,13 @@ class Cells:
 
     def column_of(self, title: str) -> Column | None:
         """Return the column that a title names, or None."""
-        return self.words.column_of(title, self.own)
+        return self.words.column_of(title, self.assigned)
 
     def _read_titles(self) -> list[tuple[int, list[str]]]:
         """Find the titles, which may be in two rows; return the rows below them."""
         rows, above = list(self.sheet.rows), list(self.sheet.above)
         self.titles, numbers = list(self.sheet.titles), [self.sheet.top]
-        heads, score = [self.titles], self.score(self.own)
+        heads, score = [self.titles], self.score(self.assigned)
         if above and (both := united(above[-1][1], self.titles, self.column_of, certain=True)):
             if score(both) > score(self.titles):
                 number, upper = above.pop()
@@ -376,10 +378,10 @@ class Cells:
 
     def _find_columns(self, rows: Sequence[tuple[int, list[str]]]) -> None:
         faults, converted = [], []
-        for place, title in enumerate(self.titles):
+        for index, title in enumerate(self.titles):
             column = self.column_of(title)
             if column is not None:
-                self.places.setdefault(column.name, []).append(place)
+                self.places.setdefault(column.name, []).append(index)
                 usual = self.words.units.get(column.name, "")
                 if usual and column.unit and column.unit not in ALIKE[usual]:
                     statement = f"title {title!r} has the unit {column.unit!r}"
@@ -390,11 +392,11 @@ class Cells:
                         converted.append(f"{title} from {spelled(column.unit)} to {spelled(usual)}")
             elif title:
                 self.unused.append(title)
-            elif any(row[place] for _, row in rows if place < len(row)):
-                self.unused.append(f"column {letter(place)}, which has no title")
+            elif any(row[index] for _, row in rows if index < len(row)):
+                self.unused.append(f"column {letter(index)}, which has no title")
         self.arrange(rows)
         faults += [
-            f"{' and '.join(repr(self.titles[place]) for place in places)} both mean {name}"
+            f"{' and '.join(repr(self.titles[index]) for index in places)} both mean {name}"
             for name, places in self.places.items()
             if len(places) > 1 and name != "note"
         ]
@@ -445,7 +447,7 @@ class Cells:
         gone = {
             number
             for number, cells in entries
-            if any(_GONE_WORD.search(cells[place]) for place in notes)
+            if any(_GONE_WORD.search(cells[index]) for index in notes)
         }
         for statement, rows_of in (
             ("hidden, but read", self.sheet.hidden),
@@ -471,13 +473,13 @@ class Cells:
                     return _REPEATED
         key, key_place = clean(cell(self.key)), self.places.get(self.key, [-1])[0]
         if is_struck:
-            first = next((place for place, one in enumerate(cells) if one), 0)
+            first = next((index for index, one in enumerate(cells) if one), 0)
             if not self.sheet.struck.isdisjoint({(number, key_place), (number, first)}):
                 return "struck out"
         is_marked = not self._marked.isdisjoint(cells)
         if is_marked or (self.has_spares and _MARKED_KEY.fullmatch(key)):
             return "marked as deleted or spare"
-        if any(cells[place] in self._gone for place in self.places.get("note", ())):
+        if any(cells[index] in self._gone for index in self.places.get("note", ())):
             return "deleted or not fitted, as a note says"
         is_odd = (number, key_place) in self.sheet.odd
         if self.has_spares and key and not (plain(key) or is_odd or is_ditto(key)):
@@ -496,20 +498,22 @@ class Cells:
         last, above = 0, list[str]()
         for number, cells, why in rows:
             places = () if self._dittos.isdisjoint(cells) else self.places.items()
-            for name, place in ((name, place) for name, several in places for place in several):
-                is_word = name == self.key or (name in self.literal and plain(cells[place]) == "do")
-                if cells[place] not in self._dittos or is_word:
+            for name, column in ((name, column) for name, several in places for column in several):
+                is_word = name == self.key or (
+                    name in self.literal and plain(cells[column]) == "do"
+                )
+                if cells[column] not in self._dittos or is_word:
                     continue
-                cells[place] = above[place] if above else ""
-                if (last, place) in self._typed:
-                    self._typed.add((number, place))
-                if not why and cells[place]:
-                    filled.setdefault(place, []).append(number)
+                cells[column] = above[column] if above else ""
+                if (last, column) in self._typed:
+                    self._typed.add((number, column))
+                if not why and cells[column]:
+                    filled.setdefault(column, []).append(number)
                 elif not why and name != "note":
                     alone.append((number, name))
             last, above = number, cells
-        for place, numbers in filled.items():
-            statement = f"{self.titles[place]}: ditto marks filled from the row above"
+        for column, numbers in filled.items():
+            statement = f"{self.titles[column]}: ditto marks filled from the row above"
             self.remarks.append(Remark(statement, tuple(numbers)))
         return alone
 
@@ -517,14 +521,14 @@ class Cells:
         """Fill a column that has values only in the first row of each group."""
         if name not in self.places or not rows:
             return
-        place = self.places[name][0]
-        kept = [cells[place] for _, cells, why in rows if not why]
+        column = self.places[name][0]
+        kept = [cells[column] for _, cells, why in rows if not why]
         twice = any(a and a == b for a, b in pairwise(kept))
-        if not any(kept) or all(kept) or not rows[0][1][place] or twice:
+        if not any(kept) or all(kept) or not rows[0][1][column] or twice:
             return
-        filled = tuple(number for number, cells, why in rows if not cells[place] and not why)
+        filled = tuple(number for number, cells, why in rows if not cells[column] and not why)
         for (_, above, _), (_, cells, _) in pairwise(rows):
-            cells[place] = cells[place] or above[place]
+            cells[column] = cells[column] or above[column]
         statement = f"{name} filled down from the row above, because it is given once per group"
         self.remarks.append(Remark(statement, filled, doubt=True))
 
@@ -535,9 +539,9 @@ class Cells:
         places = self.places.get(name)
         return self.column(places[0]) if places else [""] * len(self.rows)
 
-    def column(self, place: int) -> list[str]:
+    def column(self, number: int) -> list[str]:
         """Return the cells of a column by its index."""
-        return self._columns[place]
+        return self._columns[number]
 
     def given(self, name: str) -> Bools:
         """Return a mask of the filled cells of a column."""
@@ -553,8 +557,8 @@ class Cells:
 
     def fault(self, row: int, name: str, text: str) -> None:
         """Record a fault in a row."""
-        place = self.places[name][0] if name in self.places else -1
-        self._faults.append((row, place, f"row {self.rows[row]}{text}"))
+        column = self.places[name][0] if name in self.places else -1
+        self._faults.append((row, column, f"row {self.rows[row]}{text}"))
 
     def wrong(self, rows: Iterable[int], name: str, expected: str) -> None:
         """Record the same fault for the cells of a column in the given rows."""
@@ -597,15 +601,15 @@ class Cells:
     def values(self, name: str, read: Callable[[str], Any], expected: str) -> list[Any]:
         """Return what `read` makes of each cell, None where empty; its ValueError is a fault."""
         cells = self[name]
-        known: dict[str, Any] = {}
+        results: dict[str, Any] = {}
         illegal = set()
         for cell in {*cells} - {""}:
             try:
-                known[cell] = read(cell)
+                results[cell] = read(cell)
             except (ValueError, KeyError):
                 illegal.add(cell)
         self.wrong([row for row, cell in enumerate(cells) if cell in illegal], name, expected)
-        return [known.get(cell) for cell in cells]
+        return [results.get(cell) for cell in cells]
 
     # Numbers.
 
@@ -613,8 +617,8 @@ class Cells:
         """Return for each cell of a column whether it is text, not a number of a workbook."""
         if self.sheet.separator or not self._typed:
             return [bool(self.sheet.separator)] * len(self.rows)
-        place = self.places.get(name, [-1])[0]
-        return [(number, place) in self._typed for number in self.rows]
+        column = self.places.get(name, [-1])[0]
+        return [(number, column) in self._typed for number in self.rows]
 
     def read(self, cell: str, is_text: bool, unit: str, target: str) -> float | None:
         """Return the number in a cell in the unit `target`; `unit` is that of the column."""
@@ -663,9 +667,9 @@ class Cells:
         return column
 
 
-def letter(place: int) -> str:
+def letter(number: int) -> str:
     """Return the letters of a spreadsheet column, such as AB, given its index from 0."""
-    more, last = divmod(place, 26)
+    more, last = divmod(number, 26)
     return (letter(more - 1) if more else "") + chr(65 + last)
 
 

@@ -77,9 +77,9 @@ _SUPPLY = re.compile(
 
 def meanings(text: str) -> tuple[str, ...]:
     """Return the signals that a word, which may include a supply voltage, may mean."""
-    known = spellings("signal")
-    found = known.get(plain(text)) or known.get(plain(_SUPPLY.sub(" ", text)), ())
-    return tuple(name for name, _ in found)
+    table = spellings("signal")
+    matches = table.get(plain(text)) or table.get(plain(_SUPPLY.sub(" ", text)), ())
+    return tuple(name for name, _ in matches)
 
 
 def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str:

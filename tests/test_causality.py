@@ -17,12 +17,12 @@ def past(run, start):
     """What an AMS asked, raised and showed before a time [s]."""
     asked, alarms = run.requests(), run.alarms()
     early = run.views.seen < start * 1e9
-    known = [run.views.number[early].tolist(), run.views.known[early].tolist()]
+    stored = [run.views.number[early].tolist(), run.views.earliest[early].tolist()]
     return [
         asked.loc[asked["time_s"] < start, ["poll", "channel", "time_s"]].values.tolist(),
         alarms[alarms["time_s"] < start].values.tolist(),
         run.views.seen[early].tolist(),
-        *known,
+        *stored,
     ]
 
 

@@ -38,9 +38,9 @@ def scope(tmp_path):
     """A record of one request and its response."""
     file, plan = tmp_path / "scope.csv", asi.line(80, slaves=(1, 80))
     request = asi.Request.data_exchange(21, 0xE)
-    asked = plan.waveform(request, "1 m", dt=1e-7, before=20e-6, after=296e-6)
+    request_wave = plan.waveform(request, "1 m", dt=1e-7, before=20e-6, after=296e-6)
     answered = plan.waveform(request.answer(3), "80 m", dt=1e-7, before=122e-6, after=236e-6)
-    line.Waveform(asked.u + answered.u, 1e-7, names=("voltage",)).save(file)
+    line.Waveform(request_wave.u + answered.u, 1e-7, names=("voltage",)).save(file)
     return str(file)
 
 
@@ -87,8 +87,8 @@ def test_summary_counts_only(capsys):
 @pytest.mark.parametrize("name", COMMANDS[:-2])
 def test_the_suffix_of_a_file_decides_its_form(name, words, tmp_path, capsys):
     files = [tmp_path / f"out{suffix}" for suffix in (".csv", ".xlsx", ".json", ".png", ".svg", "")]
-    asked = [word for file in files for word in ("-o", str(file))]
-    assert main([*words[name], *asked]) == 0
+    options = [word for file in files for word in ("-o", str(file))]
+    assert main([*words[name], *options]) == 0
     assert capsys.readouterr().out.count("written: ") == len(files)
     table, workbook, data, pixels, drawing, folder = files
     assert pixels.read_bytes().startswith(b"\x89PNG")
@@ -115,8 +115,10 @@ def test_json_is_the_result_as_data(name, words, capsys):
 def test_a_missing_library_for_workbooks_is_reported_before_any_work(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     assert main(["design", "none.csv", "-o", "r.xlsx"]) == 2
-    said = "shipnet: openpyxl is not installed; install it with: python -m pip install openpyxl\n"
-    assert capsys.readouterr().err == said
+    message = (
+        "shipnet: openpyxl is not installed; install it with: python -m pip install openpyxl\n"
+    )
+    assert capsys.readouterr().err == message
 
 
 def test_a_bad_result_exits_with_1(points, scope, tmp_path, capsys, monkeypatch):
@@ -139,20 +141,20 @@ def asked(capsys, *words, code=0):
 
 def test_a_can_list_is_analysed_and_late_messages_exit_with_1(words, tmp_path, capsys):
     messages, file = can.example(), tmp_path / "list.csv"
-    found = asked(capsys, *words["can"])
-    assert found["verdict"] == can.analyse(messages, [50e3, 125e3]).verdict
-    assert found["numbers"]["lowest_bit_rate"] == {"value": 125e3, "unit": "bit/s"}
+    answer = asked(capsys, *words["can"])
+    assert answer["verdict"] == can.analyse(messages, [50e3, 125e3]).verdict
+    assert answer["numbers"]["lowest_bit_rate"] == {"value": 125e3, "unit": "bit/s"}
     bound = {one.message.name: 1e3 * one.response for one in can.response_times(messages, 125e3)}
-    responses = {row["name"]: row["response_ms"] for row in found["tables"]["responses"]}
+    responses = {row["name"]: row["response_ms"] for row in answer["tables"]["responses"]}
     assert responses == pytest.approx(bound)
     slow = asked(capsys, "can", file, "--rates", "50k", code=1)
     assert slow["numbers"]["lowest_bit_rate"]["value"] is None
     # In reverse order of identifiers: the best order and its benefit are reported.
     messages.ordered(reversed(messages.names)).save(file)
-    found = asked(capsys, "can", file, "--rates", "125k", "250k", "1M")
-    best = found["numbers"]["lowest_bit_rate_in_best_order"]["value"]
-    assert best < found["numbers"]["lowest_bit_rate"]["value"]
-    order = [row["name"] for row in found["tables"]["best_order"]]
+    answer = asked(capsys, "can", file, "--rates", "125k", "250k", "1M")
+    best = answer["numbers"]["lowest_bit_rate_in_best_order"]["value"]
+    assert best < answer["numbers"]["lowest_bit_rate"]["value"]
+    order = [row["name"] for row in answer["tables"]["best_order"]]
     assert can.response_times(messages.ordered(order), best).met
 
 
@@ -167,10 +169,14 @@ def test_a_log_is_compared_with_a_dbc_file(tmp_path, capsys):
     assert "message 'Speed': has no cycle time; give one with --period on" in error.replace(
         " has", ": has"
     )
-    found = asked(capsys, "can", file, "--period", "0.01", "--log", log, code=1)
-    said = {row["name"]: row["verdict"] for row in found["tables"]["messages"]}
-    assert (said["Speed"], said["New"], said["0x010"]) == ("as planned", "missing", "unknown")
-    assert found["numbers"]["unknown"]["value"] == 9
+    answer = asked(capsys, "can", file, "--period", "0.01", "--log", log, code=1)
+    verdicts = {row["name"]: row["verdict"] for row in answer["tables"]["messages"]}
+    assert (verdicts["Speed"], verdicts["New"], verdicts["0x010"]) == (
+        "as planned",
+        "missing",
+        "unknown",
+    )
+    assert answer["numbers"]["unknown"]["value"] == 9
     # The messages of a log can also be analysed.
     assert asked(capsys, "can", log, "--period", "1", "--log", log)["ok"] is True
     assert asked(capsys, "can", log, "--period", "1", "--rates", "125k")["ok"] is True
@@ -186,27 +192,27 @@ def test_own_titles_are_read(tmp_path, capsys):
 
 
 def test_a_scan_agrees_with_the_library_and_a_slow_one_exits_with_1(capsys):
-    found = modbus.scan(24, registers=20, bit_rate=19200, dead=2)
+    expected = modbus.scan(24, registers=20, bit_rate=19200, dead=2)
     words = "modbus --devices 24 --registers 20 --rate 19200 --parity E --dead 2".split()
     answer = asked(capsys, *words)
-    assert answer["numbers"]["scan_time"]["value"] == found.time
-    assert answer["numbers"]["bus_time"]["value"] == found.bus_time
+    assert answer["numbers"]["scan_time"]["value"] == expected.time
+    assert answer["numbers"]["bus_time"]["value"] == expected.bus_time
     assert asked(capsys, *MODBUS) == answer
     assert asked(capsys, *MODBUS, "--limit", "3")["ok"] is True
     slow = asked(capsys, *MODBUS, "--limit", "2", code=1)
     assert slow["verdict"].endswith("limit of 2 s exceeded")
-    own = modbus.scan(24, registers=20, bit_rate=19200, dead=2, character="8N2").time
-    assert asked(capsys, *MODBUS, "--parity", "N")["numbers"]["scan_time"]["value"] == own
+    even = modbus.scan(24, registers=20, bit_rate=19200, dead=2, character="8N2").time
+    assert asked(capsys, *MODBUS, "--parity", "N")["numbers"]["scan_time"]["value"] == even
 
 
 def test_a_plan_that_violates_a_rule_exits_with_1(tmp_path, capsys):
     file = tmp_path / "plan.csv"
     file.write_text(PLAN.replace(",70,", ",101,"))
-    answer, found = asked(capsys, "check", file, code=1), asi.read_plan(file).check()
-    assert answer["verdict"] == found.verdict
-    assert answer["numbers"]["violated"]["value"] == len(found.violated()) == 1
+    answer, findings = asked(capsys, "check", file, code=1), asi.read_plan(file).check()
+    assert answer["verdict"] == findings.verdict
+    assert answer["numbers"]["violated"]["value"] == len(findings.violated()) == 1
     assert answer["tables"]["rules"][0]["rule"] == "cable_length"
-    assert len(answer["findings"]) == len(found)
+    assert len(answer["findings"]) == len(findings)
     assert main(["check", str(file)]) == 1
     out = capsys.readouterr().out
     assert "cable length: 101 m at segment at room, at most 100 m (1 violated)" in out

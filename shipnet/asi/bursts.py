@@ -353,9 +353,9 @@ def _liveliest(u: Floats, dt: float) -> Indices:
     stride = max(1, round(2e-6 / dt))
     some = np.unique(np.linspace(0, len(u) // length - 1, _LOOKS).astype(np.intp))
     swing = np.zeros(len(some))
-    for place, k in enumerate(some):
+    for row, k in enumerate(some):
         looks = u[k * length : (k + 1) * length : stride]
-        swing[place] = np.nan_to_num(float(np.fmax.reduce(looks)) - float(np.fmin.reduce(looks)))
+        swing[row] = np.nan_to_num(float(np.fmax.reduce(looks)) - float(np.fmin.reduce(looks)))
         release(u)
     lively = some[swing >= np.quantile(swing, 0.75)]
     return np.unique(lively[np.linspace(0, len(lively) - 1, _SAMPLES).astype(np.intp)])
@@ -423,12 +423,21 @@ def _received(
         unit = np.abs(some.height)
         rows /= sign * unit.astype(np.float32)[:, np.newaxis]
         minimum = min(_FIRST_PULSE, threshold)
-        heard = receive(rows, piece.step, n_bits, threshold=threshold, minimum=minimum)
-        bits, weights = heard.bits.astype(np.int64), 1 << np.arange(n_bits)[::-1]
+        received = receive(rows, piece.step, n_bits, threshold=threshold, minimum=minimum)
+        bits, weights = received.bits.astype(np.int64), 1 << np.arange(n_bits)[::-1]
         indices: tuple[Any, ...] = (some.first - before, some.first, some.last)
         begin, first, last = (piece.start + at * piece.step for at in indices)
         words = np.full(len(bits), n_bits), np.maximum(bits, 0) @ weights, (bits != NONE) @ weights
-        heights = heard.amplitude * unit, heard.weakest, heard.ringing
-        fields = begin + heard.start, first, last, *words, heard.error, *heights, some.fits, at_edge
+        heights = received.amplitude * unit, received.weakest, received.ringing
+        fields = (
+            begin + received.start,
+            first,
+            last,
+            *words,
+            received.error,
+            *heights,
+            some.fits,
+            at_edge,
+        )
         telegrams.append(np.rec.fromarrays(fields, dtype=_TELEGRAM))
     return _joined(telegrams)

@@ -78,12 +78,12 @@ def transactions_of(
 
     # The response to a request near the end of the recording is cut off, not missing.
     start = _pick(telegrams.start, request, np.nan)
-    rest = np.append(ends, np.inf)[np.searchsorted(ends, start)] - start
+    gap = np.append(ends, np.inf)[np.searchsorted(ends, start)] - start
     room = (REQUEST_BITS + MASTER_PAUSE_BITS[1] + RESPONSE_BITS) * BIT_TIME
     asks = np.array([call.rule.answer is not None for call in Call] + [False])[calls.call]
     alone = (response < 0) & (request_error == 0) & asks
     response_error[alone] = np.where(
-        rest[alone] < room, _STATES.index(CUT_OFF), _STATES.index(NO_ANSWER)
+        gap[alone] < room, _STATES.index(CUT_OFF), _STATES.index(NO_ANSWER)
     )
 
     # Few bit strings are distinct, so the columns are filled by indexing a list of them.
@@ -107,9 +107,9 @@ def transactions_of(
     table["response"], table["response_data"] = texts[response_text], whole[2]
     # The start of a telegram whose beginning is cut off is unknown.
     begins = np.where(cut & (telegrams.edge == 1), np.nan, telegrams.start)
-    asked, answered = _pick(begins, request, np.nan), _pick(begins, response, np.nan)
-    table["master_pause_bit"] = (answered - asked) / BIT_TIME - REQUEST_BITS
-    pause = np.append((asked[1:] - answered[:-1]) / BIT_TIME - RESPONSE_BITS, np.nan)
+    requested, answered = _pick(begins, request, np.nan), _pick(begins, response, np.nan)
+    table["master_pause_bit"] = (answered - requested) / BIT_TIME - REQUEST_BITS
+    pause = np.append((requested[1:] - answered[:-1]) / BIT_TIME - RESPONSE_BITS, np.nan)
     table["slave_pause_bit"] = np.where(pause <= _SLAVE_PAUSE, pause, np.nan)[: len(request)]
     for name in ("amplitude", "weakest", "ringing"):
         for kind, rows in (("request", request), ("response", response)):
@@ -275,9 +275,9 @@ def _repeated(transactions: pd.DataFrame) -> Bools:
     return repeated
 
 
-def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
+def _slaves(transactions: pd.DataFrame, requests: pd.DataFrame) -> pd.DataFrame:
     """Return a table with one row per addressed slave and one for unreadable addresses."""
-    rows = transactions.assign(slave=asked["slave"])[asked["slave"] != ""]
+    rows = transactions.assign(slave=requests["slave"])[requests["slave"] != ""]
     response = rows["response_error"]
     responses = rows[(rows["response"] != "") & (response != CUT_OFF)].groupby("slave")
     counted = {
@@ -290,7 +290,7 @@ def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
     table = pd.DataFrame(
         {name: mask.groupby(rows["slave"]).sum() for name, mask in counted.items()}
     )
-    table.insert(3, "polled", (~asked["call"].isin(_SEARCH)).groupby(rows["slave"]).any())
+    table.insert(3, "polled", (~requests["call"].isin(_SEARCH)).groupby(rows["slave"]).any())
     table["amplitude_V"] = responses["response_amplitude_V"].median()
     table["weakest_pulse"] = responses["response_weakest"].min()
     table["ringing"] = responses["response_ringing"].max()
@@ -477,7 +477,9 @@ class Capture:
         if rows.empty:
             return 0.0
         # The master expects no response where it searches for new slaves.
-        concerned = self._asked["slave"] == slave if slave else rows["response_error"] != NO_ANSWER
+        concerned = (
+            self._requests["slave"] == slave if slave else rows["response_error"] != NO_ANSWER
+        )
         bad = ~rows[["request_error", "response_error"]].isin(_FINE).all(axis=1)
         sign = concerned & bad if (concerned & bad).any() else concerned & bool(slave)
         return float(rows["start_s"][sign if sign.any() else slice(None)].min())
@@ -565,14 +567,14 @@ class Capture:
         states = transactions[["request_error", "response_error"]].to_numpy()
         faults = [state for state in states.ravel() if state not in (*_FINE, NO_ANSWER)]
         repeated = _repeated(transactions)
-        slaves = _slaves(transactions, self._asked)
-        exchanges = (self._asked["call"] == "data exchange") & ~repeated
+        slaves = _slaves(transactions, self._requests)
+        exchanges = (self._requests["call"] == "data exchange") & ~repeated
         times = transactions["start_s"].where(exchanges).dropna()
         addressed = slaves[slaves.index != UNKNOWN]
         silent = addressed[(addressed["answers"] == 0) & (addressed["unanswered"] > 0)]
         return Summary(
             len(transactions),
-            float(times.groupby(self._asked["slave"]).diff().median()),
+            float(times.groupby(self._requests["slave"]).diff().median()),
             int(repeated.sum()),
             int((transactions["response_error"] == NO_ANSWER).sum()),
             list(addressed.index[addressed["answers"] > 0]),
@@ -616,17 +618,17 @@ class Capture:
         return decode(u, self.wave.dt, extended=self.extended)
 
     @cached_property
-    def _asked(self) -> pd.DataFrame:
+    def _requests(self) -> pd.DataFrame:
         """Slave and call of each transaction, including each bad request that can be restored."""
         rows = self.transactions
         address = rows["address"].astype(object).fillna(NONE).to_numpy(np.int64)
         half, calls = rows["half"].tolist(), rows["call"].tolist()
         names = [UNKNOWN if a == NONE else f"{a}{h}" for a, h in zip(address, half, strict=True)]
         names = ["" if c == "broadcast reset" else n for c, n in zip(calls, names, strict=True)]
-        asked = pd.DataFrame({"slave": names, "call": calls}, index=rows.index, dtype=object)
+        requests = pd.DataFrame({"slave": names, "call": calls}, index=rows.index, dtype=object)
         bad = ~rows["request_error"].isin(_FINE).to_numpy()
         if not bad.any() or not len(self._restored.start):
-            return asked
+            return requests
         there, words = self._restored.start, self._restored.words
         read = Requests.parse(words, extended=np.isin(words >> 7 & 31, self.extended))
         start = rows["start_s"].to_numpy()
@@ -639,12 +641,12 @@ class Capture:
             k = meant[texts[row]]
             names[row] = f"{read.address[k]}{('A', 'B', '')[read.half[k]]}"
             calls[row] = Call(int(read.call[k])).rule.title
-        return asked.assign(slave=names, call=calls)
+        return requests.assign(slave=names, call=calls)
 
     @cached_property
     def _silences(self) -> dict[str, list[int]]:
         """Numbers of data exchanges without a response, by slave; see `_series`."""
-        rows, (slave, call) = self.transactions, (self._asked["slave"], self._asked["call"])
+        rows, (slave, call) = self.transactions, (self._requests["slave"], self._requests["call"])
         response = rows["response_error"]
         data = (call == "data exchange") & (rows["request_error"] == "ok") & (response != CUT_OFF)
         return _series((response == NO_ANSWER)[data], slave[data])
@@ -707,7 +709,7 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
 def _counted(capture: Capture) -> pd.DataFrame:
     """Return the table of `Capture.counters`."""
     table, summary = capture.transactions, capture.summary()
-    slave, call = capture._asked["slave"], capture._asked["call"]
+    slave, call = capture._requests["slave"], capture._requests["call"]
     request, response = table["request_error"], table["response_error"]
     silent = (response == NO_ANSWER) & ~call.isin(_IDENTIFICATION) & ~slave.isin(summary.vacant)
     data = (call == "data exchange") & (slave != UNKNOWN)

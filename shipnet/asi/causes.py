@@ -65,14 +65,15 @@ def _requests() -> Modulation:
     return Modulation([frame(f"{k:011b}") for k in range(0, 2**11, 7)])
 
 
-def without_cable(x: Floats, step: float, asked: Floats) -> Floats:
-    """Restore the pulses of a record from the spectrum of its requests, which begin at `asked` [s].
+def without_cable(x: Floats, step: float, requests: Floats) -> Floats:
+    """Restore the pulses of a record from the spectrum of its requests.
 
-    If `asked` is empty, use the spectrum of the whole record.
+    `requests` has the times at which they begin [s]; if it is empty, the spectrum of the whole
+    record is used.
     """
     n = 2 * round(_STRETCH / step / 2)
-    if len(asked):
-        begin = np.clip((asked - _BEFORE) / step, 0, len(x) - n).astype(int)
+    if len(requests):
+        begin = np.clip((requests - _BEFORE) / step, 0, len(x) - n).astype(int)
         taper = (np.arange(n) * step < _WINDOW).astype(float)
     else:
         begin, taper = np.arange(0, len(x) - n, n // 2), np.hanning(n)
@@ -183,9 +184,9 @@ def measured(part: Restored) -> Impedance | None:
     for late in _LATE:
         columns = (z * np.exp(-s * late))[:, np.newaxis] * terms
         fits.append(nnls(np.concatenate([columns.real, columns.imag]), target))
-    values, rest = min(fits, key=lambda fit: fit[1])
+    values, residual = min(fits, key=lambda fit: fit[1])
     conductance, inverse, capacitance = np.maximum(values, 1e-6) * unit
-    misfit = rest / np.linalg.norm(weight)
+    misfit = residual / np.linalg.norm(weight)
     return Impedance(*map(float, (1 / conductance, 1 / inverse, capacitance, misfit, stray)))
 
 

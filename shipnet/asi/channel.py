@@ -101,9 +101,9 @@ class Station(RunningSlave):
     """A simulated slave, its position on the line and its disturbances."""
 
     def __init__(
-        self, settings: Slave, states: States, place: int, position: float, delay: float
+        self, settings: Slave, states: States, row: int, position: float, delay: float
     ) -> None:
-        super().__init__(settings, states, place)
+        super().__init__(settings, states, row)
         self.position, self.fields["delay"] = position, delay
         #: Label at the start of the simulation.
         self.name = self.label
@@ -370,7 +370,7 @@ class Channel:
         drawn = np.zeros((), DISTURBANCE)
         if self._phase >= Phase.DATA_EXCHANGE:
             cycle, phase = (self.begun - 1) % _CHUNK, self._phase - Phase.DATA_EXCHANGE
-            drawn = self._drawn[cycle, phase, station.place, attempt]
+            drawn = self._drawn[cycle, phase, station.row, attempt]
         elif station.rates != (0.0, 0.0):
             drawn = draw_disturbances(self._rng, 1, [station.rates], 1)[0, 0, 0, 0]
         if station.fields["quiet"]:
@@ -408,7 +408,7 @@ class Channel:
         station, transaction = addressed[0][0], self.transaction
         late = station.fields["delay"] + transaction.unsynchronised > transaction.timeout
         unusual = late or any(station.lost_replies.values()) or station.status(self.seconds)
-        return UNUSUAL if unusual else station.place
+        return UNUSUAL if unusual else station.row
 
     def poll(self, master: RunningMaster) -> Phase | None:
         """Poll the slaves of a cycle; return the next phase, or None if the simulation is over.
@@ -447,17 +447,17 @@ class Channel:
                     self.until,
                     self._events[0][0] if self._events else inf,
                 )
-            cycle, place = divmod(step, keys.shape[1])
+            cycle, slot = divmod(step, keys.shape[1])
             ahead, others = min(cycle, len(keys) - 1), keys[:, polled:].ravel()
-            done = others[: 2 * cycle + max(0, place - polled)].tolist()
+            done = others[: 2 * cycle + max(0, slot - polled)].tolist()
             master.go_on(ahead, done)
             self.begun, self._cycle = self.begun + ahead, master.cycle
             if step == keys.size:
                 return Phase.DATA_EXCHANGE if done else Phase.MANAGEMENT
-            if place >= polled:
+            if slot >= polled:
                 master.attempt = attempt
-                return Phase(Phase.MANAGEMENT + place - polled)
-            keys, polled = keys[ahead : ahead + 1, place:polled], polled - place
+                return Phase(Phase.MANAGEMENT + slot - polled)
+            keys, polled = keys[ahead : ahead + 1, slot:polled], polled - slot
             key, reply = int(keys[0, 0]), FAULTY
             if self.row == before:
                 reply = self.transact(master.lists.polls[key], attempt)
@@ -476,8 +476,8 @@ class Channel:
         answers = []
         for station, read in self._addressed(request) if self._readable(request) else []:
             lost, missed, variant = self._disturbance(station, attempt)
-            states, place = self.stations.states, station.place
-            pause = receive(states, place, number, lost, missed or spoilt, late)
+            states, row = self.stations.states, station.row
+            pause = receive(states, row, number, lost, missed or spoilt, late)
             now = end * self.transaction.bit_time
             data = NONE if lost else station.obey(read.call, read.data, now)
             if data != NONE:

@@ -90,8 +90,8 @@ class Master:
         if self.node:
             check_node(self.node)
         projected = {}
-        for label, given in (self.projected or {}).items():
-            profile = Profile.parse(given)
+        for label, profile_text in (self.projected or {}).items():
+            profile = Profile.parse(profile_text)
             key, half = slave_key(label)
             if profile.extended != (half is not None) or key < 2:
                 raise ArgumentError(
@@ -297,9 +297,9 @@ def move(lists: Lists, label: str) -> Task[bool]:
     """Assign a label to the slave at address 0: first the half, if any, then the address."""
     identity = lists.detected[0]
     key, half = slave_key(label)
-    wanted = identity.id1 & 7 | (8 if half == "B" else 0)
-    if half and wanted != identity.id1:
-        yield Request(Call.WRITE_ID1, 0, wanted)
+    id1 = identity.id1 & 7 | (8 if half == "B" else 0)
+    if half and id1 != identity.id1:
+        yield Request(Call.WRITE_ID1, 0, id1)
         yield from wait_for_storing(0, None)
     yield Request(Call.ASSIGN_ADDRESS, 0, key >> 1)
     yield from wait_for_storing(key >> 1, half)

@@ -435,7 +435,7 @@ class Pulses:
     def broken(self) -> tuple[str, ...]:
         """Names of the rules that one telegram violates, in the order of the checks."""
         slots = violated(self._telegram)
-        return tuple(rule for rule, place in zip(CLASSES, slots, strict=True) if place >= 0)
+        return tuple(rule for rule, slot in zip(CLASSES, slots, strict=True) if slot >= 0)
 
     @property
     def error(self) -> str:

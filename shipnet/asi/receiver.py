@@ -88,8 +88,8 @@ class Reception(NamedTuple):
     Examples
     --------
     >>> from shipnet.asi.topologies import line
-    >>> heard = line(100, slaves=(5,)).waveform("0011001", "5 m").receive()
-    >>> heard.pulses.decode(), bool(heard.within_tolerance)
+    >>> reception = line(100, slaves=(5,)).waveform("0011001", "5 m").receive()
+    >>> reception.pulses.decode(), bool(reception.within_tolerance)
     ('0011001', True)
     """
 
@@ -172,8 +172,8 @@ class Receiver:
     --------
     >>> from shipnet.asi.topologies import line
     >>> wave = line(100, slaves=(5,)).waveform("0011001", "5 m")
-    >>> heard = Receiver(minimum=0.9).receive(wave)
-    >>> heard.bits.tolist(), f"{heard.amplitude:.2f} V"
+    >>> reception = Receiver(minimum=0.9).receive(wave)
+    >>> reception.bits.tolist(), f"{reception.amplitude:.2f} V"
     ([0, 0, 1, 1, 0, 0, 1], '2.33 V')
     """
 

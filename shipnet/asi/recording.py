@@ -48,18 +48,18 @@ class _Recorder:
         listeners = [*rows, network.index(node, "node")]
         self.dt, self.slot, self.at = dt, round(HALF_BIT / dt), round(_AHEAD / dt)
 
-        def heard(sender: str, rows: list[int]) -> Floats:
+        def steps_of(sender: str, rows: list[int]) -> Floats:
             u = step_response(network, sender, rows, round(_RINGS / dt), dt)
             # Fade out the end, which would otherwise be a step.
             return u * np.minimum(1, 2 * np.linspace(1, 0, u.shape[-1]))
 
         #: Voltages [V] that a step of the master's current causes at each slave and at the scope;
         #: by reciprocity, a step of a slave's current causes the same voltage at the master.
-        self.asked = heard(segment.head, listeners)
+        self.from_master = steps_of(segment.head, listeners)
         #: Voltages [V] that a step of each slave's current causes at the scope.
-        self.scope = self.asked[:-1] if node == segment.head else heard(node, rows)
+        self.scope = self.from_master[:-1] if node == segment.head else steps_of(node, rows)
         self.strength = np.array([weak.get(slave.label, 1.0) for slave in segment.slaves])
-        self.known: dict[str, Floats] = {}
+        self.telegrams: dict[str, Floats] = {}
         #: Voltage at each slave, at the scope and at the master.
         self.u = np.zeros((len(rows) + 2, size), np.float32)
 
@@ -78,9 +78,9 @@ class _Recorder:
 
     def request(self, bits: str) -> Floats:
         """Return the voltages of a request at slaves and scope [V]; compute each request once."""
-        if bits not in self.known:
-            self.known[bits] = self.telegram(self.asked, bits)
-        return self.known[bits]
+        if bits not in self.telegrams:
+            self.telegrams[bits] = self.telegram(self.from_master, bits)
+        return self.telegrams[bits]
 
     def telegram(self, change: Floats, bits: str) -> Floats:
         """Return the voltage of a telegram, computed from that of one current step."""
@@ -113,7 +113,7 @@ class _Recorder:
             if answer is not None:
                 pause = _TIMES.master_pause + (0 if in_step else _TIMES.unsynchronised)
                 begin = end + round(pause * bit) + round(rng.uniform(0, _LATE) / self.dt)
-                voltages = np.stack([self.scope[k], self.asked[k]]) * self.strength[k]
+                voltages = np.stack([self.scope[k], self.from_master[k]]) * self.strength[k]
                 self.put(slice(count, None), self.telegram(voltages, answer.bits), begin)
                 first, last = min(first or begin, begin), max(last, begin)
         if not last:

@@ -79,7 +79,7 @@ def check_lines(
     transaction = Transaction() if transaction is None else transaction
     rows = [row for line in lines for row in _rows(line, wanted_cycle, transaction)]
     rule, name, values, own_limits, why = zip(*rows, strict=True)
-    rank = {rule: place for place, rule in enumerate(bounds.index)}
+    rank = {rule: number for number, rule in enumerate(bounds.index)}
     rows_of_limits = [rank[one] for one in rule]
     limit = {column: bounds[column].to_numpy()[rows_of_limits] for column in published.columns}
     value, low = np.array(values, dtype=float), limit["low"].astype(float)
@@ -88,7 +88,7 @@ def check_lines(
     # A comparison with NaN, which means no limit, is False.
     beyond = (value < low - _SLACK * abs(low)) | (value > high + _SLACK * abs(high))
     verdict = np.where(np.isnan(value), "not verified", np.where(beyond, "violated", "met"))
-    reason = [given or note for given, note in zip(why, limit["note"], strict=True)]
+    reason = [detail or note for detail, note in zip(why, limit["note"], strict=True)]
     stated = limit["source"], limit["graded"]
     columns = (rule, name, value, low, high, limit["unit"], verdict, reason, *stated)
     return pd.DataFrame(dict(zip((*COLUMNS, "graded"), columns, strict=True)))
@@ -108,16 +108,22 @@ def meets(lines: Sequence[tuple[Segment, ...]], limits: pd.DataFrame) -> bool:
 
 
 def _rows(
-    line: tuple[Segment, ...], wanted: float | None, transaction: Transaction
+    line: tuple[Segment, ...], update_limit: float | None, transaction: Transaction
 ) -> Iterator[_Row]:
     masters = [master for segment in line for master in segment.masters]
     name = f"line of {masters[0]}" if masters else f"line with {line[0]}"
     slaves = [slave for segment in line for slave in segment.slaves]
     yield "masters", name, len(masters), None, ""
     yield "slaves", name, len(slaves), None, ""
-    if wanted is not None:
+    if update_limit is not None:
         delays = [(slave.address, segment.delay) for segment in line for slave in segment.slaves]
-        yield "update_time", name, polling_cycle(delays, transaction).update_time(), wanted, ""
+        yield (
+            "update_time",
+            name,
+            polling_cycle(delays, transaction).update_time(),
+            update_limit,
+            "",
+        )
     yield from _address_rows(slaves)
     terminated = any(segment.terminators for segment in line)
     judged = []

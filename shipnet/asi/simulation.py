@@ -245,7 +245,7 @@ class Run:
         if total > len(shown):
             title = f"requests {first + 1} to {first + _PART} of {total}, around {why}"
             ax.set_title(title, loc="left")
-        row = {slave: place + 1 for place, slave in enumerate(slaves)}
+        row = {slave: number + 1 for number, slave in enumerate(slaves)}
         bit_time = self.transaction.bit_time
         bit = 1e3 * bit_time
         request, response = REQUEST_BITS * bit, RESPONSE_BITS * bit
@@ -422,11 +422,11 @@ def _values(exchanges_of_slave: pd.DataFrame, slave: Slave) -> pd.DataFrame:
     except ArgumentError:  # its number of exchanges is not published
         return exchanges_of_slave[:0]
     ends = exchanges_of_slave["known"].to_numpy()[needed - 1 :: needed]
-    taken, known = ends[: -1 : slave.channels], ends[1 :: slave.channels]
+    taken, arrived = ends[: -1 : slave.channels], ends[1 :: slave.channels]
     round_of_all = slave.channels * slave.conversion
     sampled = np.floor(taken / round_of_all) * round_of_all if round_of_all else taken
     return pd.DataFrame(
-        {"slave": exchanges_of_slave["slave"].iloc[0], "sampled": sampled, "known": known}
+        {"slave": exchanges_of_slave["slave"].iloc[0], "sampled": sampled, "known": arrived}
     )
 
 

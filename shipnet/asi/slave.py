@@ -59,7 +59,7 @@ def _key_and_half(label: str) -> tuple[int, Half | None] | None:
     if not match or int(match[1]) > ADDRESSES or (match[1].strip("0") == "" and match[2]):
         return None
     half: Half | None = "A" if match[2] == "A" else "B" if match[2] == "B" else None
-    return 2 * int(match[1]) + (half == "B"), half
+    return 2 * int(match[1]) + (1 if half == "B" else 0), half
 
 
 def label_of(key: int, *, extended: bool) -> str:
@@ -87,10 +87,10 @@ class Slave:
 
     >>> from shipnet import asi
     >>> request = asi.Request(asi.Call.READ_ID, 21).bits
-    >>> heard = Slave("21", "S-3.F.F").listen([request, "", request])
-    >>> heard["state"].tolist()
+    >>> events = Slave("21", "S-3.F.F").listen([request, "", request])
+    >>> events["state"].tolist()
     ['asynchronous', 'receive', 'synchronous']
-    >>> heard["answer"].tolist()
+    >>> events["answer"].tolist()
     ['silence', '', 'response to read ID code: 1111 (F)']
     """
 
@@ -267,7 +267,7 @@ DEFAULT = 0xF
 #: State of a slave in data exchange, one element per slave: what it needs to answer, and when.
 STATE = np.dtype(
     [
-        ("synchronised", bool),  # it heard the request before
+        ("synchronised", bool),  # it has received the request
         ("active", bool),  # it has received parameters
         ("inputs", np.int64),
         ("outputs", np.int64),
@@ -307,10 +307,10 @@ class RunningSlave:
     # "IE/AS-INTERFACE LINK PN IO", manual, p. 169, warns of a loss of supply while a slave stores
     # data; we infer that the slave restarts at address 0 with its memory error flag set.
 
-    def __init__(self, settings: Slave, states: States | None = None, place: int = 0) -> None:
-        self.states, self.place = np.zeros(1, STATE) if states is None else states, place
+    def __init__(self, settings: Slave, states: States | None = None, row: int = 0) -> None:
+        self.states, self.row = np.zeros(1, STATE) if states is None else states, row
         #: Its own element of the states, by field.
-        self.fields = self.states[place]
+        self.fields = self.states[row]
         self.settings, self.profile = settings, settings.kind
         self.extended = self.profile.extended
         if settings.half and not self.extended:
@@ -360,7 +360,7 @@ class RunningSlave:
     @property
     def label(self) -> str:
         """Its label: ``"21"``, ``"21A"``, ``"21B"``."""
-        return label_of(2 * self.address + (self.kind == 2), extended=self.extended)
+        return label_of(2 * self.address + (1 if self.kind == 2 else 0), extended=self.extended)
 
     def status(self, time: float = 0.0) -> int:
         """Return the status bits S3..S0 of specification 2.1 as one number, 0..15."""
@@ -426,7 +426,7 @@ class RunningSlave:
         match call:
             case Call.DATA_EXCHANGE:
                 self.rest(time)
-                return int(exchange(self.states, self.place, data, time))
+                return int(exchange(self.states, self.row, data, time))
             case Call.WRITE_PARAMETER if self.address:
                 self.rest(time)
                 self.parameter = data

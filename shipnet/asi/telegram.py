@@ -215,9 +215,9 @@ def information_of(bits: str, length: int, what: str) -> str:
     check_kind("bits", bits, str)
     if len(bits) != length:
         raise LengthError(f"a {what} has {length} bits, but {bits!r} has {len(bits)}")
-    for place, symbol in enumerate(bits):
+    for index, symbol in enumerate(bits):
         if symbol not in "01":
-            raise SymbolError(f"{what} {bits!r} has {symbol!r} at bit {place}; bits are 0 or 1")
+            raise SymbolError(f"{what} {bits!r} has {symbol!r} at bit {index}; bits are 0 or 1")
     if bits[0] != "0":
         raise StartBitError(f"{what} {bits} starts with 1; the start bit is 0")
     if bits[-1] != "1":
@@ -440,12 +440,12 @@ class Request:
             layout = call.rule.layout(extended=True)
             left = layout.count("d")
             cells = []
-            for letter, place in zip(layout, _PLACES, strict=True):
+            for letter, field in zip(layout, _PLACES, strict=True):
                 if letter == "d":
                     left -= 1
                     cells.append(f"{call.rule.symbol}{left}")
                 elif letter == "a":
-                    cells.append(place)
+                    cells.append(field)
                 else:
                     cells.append({"s": "S", "S": "~S"}.get(letter, letter))
             rows[call.name] = ["0", *cells, "PB", "1"]

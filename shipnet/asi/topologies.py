@@ -120,11 +120,11 @@ def star(
     check_scalar("trunk", trunk, "m", 0, 1e6)
     if isinstance(along, int | float | np.number):
         along = evenly_spaced(trunk, along)
-    named = [("master", master), ("supply", supply), *(("slave", place) for place in along)]
-    for what, place in named:
-        if not 0 <= place <= trunk:
-            raise ArgumentError(f"the {what} is at {place} m; it must be 0..{trunk:g} m")
-    positions = sorted({0.0, float(trunk), *(float(place) for _, place in named)})
+    named = [("master", master), ("supply", supply), *(("slave", position) for position in along)]
+    for what, position in named:
+        if not 0 <= position <= trunk:
+            raise ArgumentError(f"the {what} is at {position} m; it must be 0..{trunk:g} m")
+    positions = sorted({0.0, float(trunk), *(float(position) for _, position in named)})
     cables = [CableRun(_node(a), _node(b), b - a, cable) for a, b in pairwise(positions)]
     ends = {f"leg {number}": leg for number, leg in enumerate(legs, 1)}
     cables += [CableRun(_node(trunk), end, leg, cable) for end, leg in ends.items()]
@@ -211,16 +211,16 @@ def assign_addresses(
     if need is None:
         sharing = able[len(able) - 2 * number :]
     else:
-        sharing = sorted(able, key=lambda place: -need[place])[: 2 * number]
+        sharing = sorted(able, key=lambda index: -need[index])[: 2 * number]
     lone_a = set(able) if shares is not None or (pairs is None and number) else set()
     labels = {}
-    alone = [place for place in range(n) if place not in set(sharing)]
-    for address, place in enumerate(alone, 1):
-        labels[place] = f"{address}A" if place in lone_a else f"{address}"
-    for rank, place in enumerate(sorted(sharing)):
-        labels[place] = f"{len(alone) + 1 + rank // 2}{'AB'[rank % 2]}"
-    return [labels[place] for place in range(n)]
+    alone = [index for index in range(n) if index not in set(sharing)]
+    for address, index in enumerate(alone, 1):
+        labels[index] = f"{address}A" if index in lone_a else f"{address}"
+    for rank, index in enumerate(sorted(sharing)):
+        labels[index] = f"{len(alone) + 1 + rank // 2}{'AB'[rank % 2]}"
+    return [labels[index] for index in range(n)]
 
 
-def _node(place: float) -> str:
-    return f"{place:g} m"
+def _node(position: float) -> str:
+    return f"{position:g} m"

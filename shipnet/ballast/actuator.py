@@ -187,14 +187,14 @@ class Oil:
 
     def state(self, load: npt.ArrayLike) -> Hydraulics:
         """Return pressures and flow for a load pressure [Pa]."""
-        wanted = np.asarray(load, float)
-        cylinder = np.minimum(wanted, self._blocked)
+        demand = np.asarray(load, float)
+        cylinder = np.minimum(demand, self._blocked)
         drop = np.asarray(np.inf)
         for leak, supply in self._balances:
             left = np.maximum(supply - leak * cylinder, 0)
             drop = np.minimum(drop, _root(leak, self._restrictor, left))
         leaving = self._restrictor * drop - self._piston_leak * cylinder
-        flow = np.where(wanted < self._blocked, np.maximum(leaving, 0.0), 0.0)
+        flow = np.where(demand < self._blocked, np.maximum(leaving, 0.0), 0.0)
         return Hydraulics(cylinder + drop**2, cylinder, flow)
 
 
@@ -211,7 +211,7 @@ def stroke_time(actuator: Actuator, direction: int = 1) -> Floats:
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     x = np.concatenate([edge * (nodes + 1) / 2, edge + (1 - edge) * (nodes + 1) / 2])
     w = np.concatenate([edge * weights / 2, (1 - edge) * weights / 2])
-    speeds = np.stack([velocity(actuator, place, direction) for place in x])
+    speeds = np.stack([velocity(actuator, position, direction) for position in x])
     with np.errstate(divide="ignore"):
         return np.asarray(np.tensordot(w, 1 / speeds, axes=1))
 

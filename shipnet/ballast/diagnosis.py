@@ -99,7 +99,7 @@ class Run:
     def valve(self, valve: int) -> pd.DataFrame:
         """Return the columns of one valve, counted from 1, indexed by ``time_s``."""
         k = check_whole("valve", valve, 1, self.n_valves) - 1
-        columns = {c.column: self.readings[:, place, k] for place, c in enumerate(CHANNELS)}
+        columns = {c.column: self.readings[:, channel, k] for channel, c in enumerate(CHANNELS)}
         columns["DVPos_percent_per_s"] = self.DVPos[:, k]
         flags = {name: getattr(self, name)[:, k] for name in ("running", "moving", "active")}
         return pd.DataFrame(columns | flags, index=pd.Index(self.time, name="time_s"))
@@ -121,10 +121,10 @@ class Run:
         for row, moved in enumerate(self.movements):
             first, last = np.searchsorted(self.time, [moved.start - 1e-9, moved.end + 1e-9])
             if first < last:
-                fp, op, mc, ot, place = self.readings[first:last, :, moved.valve].T
+                fp, op, mc, ot, position = self.readings[first:last, :, moved.valve].T
                 # The first reading after the run shows where the valve stopped.
                 end = self.readings[min(last, self.time.size - 1), 4, moved.valve]
-                travel = abs(end - place[0])
+                travel = abs(end - position[0])
                 strokes.loc[row, names] = travel, np.median(fp), np.median(mc), op.max(), ot.max()
         return strokes
 
@@ -325,17 +325,17 @@ class Diagnosis:
         table = stroke_rows(self.run)[["valve", "action", "start_s", "end_s", "outcome"]].copy()
         active = np.zeros((len(table), len(self.base.codes)), bool)
         doubtful, delay = np.zeros(len(table), bool), np.full(len(table), np.nan)
-        for place, moved in enumerate(self.run.movements):
+        for row, moved in enumerate(self.run.movements):
             first, ended, last = np.searchsorted(
                 self.time, [moved.start - 1e-9, moved.end - 1e-9, moved.end + _SETTLE + 1e-9]
             )
             again = np.flatnonzero(self.run.running[ended:last, moved.valve])
             last = ended + again[0] if again.size else last
             seen = self.active[first:last, moved.valve]
-            doubtful[place] = self.open[first:last, moved.valve].any()
+            doubtful[row] = self.open[first:last, moved.valve].any()
             if seen.any():
-                active[place] = seen.any(axis=0)
-                delay[place] = self.time[first + seen.any(axis=1).argmax()] - moved.start
+                active[row] = seen.any(axis=0)
+                delay[row] = self.time[first + seen.any(axis=1).argmax()] - moved.start
         table["active"] = self.base.active_codes(active)
         table["top_fault"] = self.base.top_codes(active, doubtful)
         table["delay_s"] = delay

@@ -314,8 +314,8 @@ def _diagnosis(make: Callable[..., TestBed], code: str | None) -> Iterator[Step]
     yield Step(step, " or ".join(right), shown, shown in right)
 
 
-def _same(step: str, expected: str, found: str) -> Step:
-    return Step(step, expected, found, expected == found)
+def _same(step: str, expected: str, actual: str) -> Step:
+    return Step(step, expected, actual, expected == actual)
 
 
 def _at(step: str, position: float, target: float) -> Step:

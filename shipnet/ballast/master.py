@@ -185,11 +185,11 @@ class Screen:
         ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[])
         if wide <= _NUMBERED:
             ax.set_yticks([])
-            for place, (unit, percent) in enumerate(zip(units, position, strict=True)):
+            for index, (unit, percent) in enumerate(zip(units, position, strict=True)):
                 words = "-" if np.isnan(percent) else f"{percent:.0f}"
                 above = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-                ax.text(x[place], y[place] + 0.33, words, ha="center", va="center", bbox=above)
-                ax.text(x[place], y[place] - 0.04, str(unit), ha="center", va="top", color="0.4")
+                ax.text(x[index], y[index] + 0.33, words, ha="center", va="center", bbox=above)
+                ax.text(x[index], y[index] - 0.04, str(unit), ha="center", va="top", color="0.4")
             ax.text(1, 1.02, "position [%]", transform=ax.transAxes, ha="right", va="bottom")
         else:
             ax.set_yticks(y[::wide] + 0.31, [f"from {unit}" for unit in units[::wide]])
@@ -293,15 +293,15 @@ class MasterRun:
             raise ArgumentError(f"valve is {unit}; no status was received from it")
         time = rows["read_s"].to_numpy()
         readings = rows[[c.column for c in CHANNELS]].to_numpy()[:, :, np.newaxis]
-        running, place = readings[:, 2] >= LEAST_CURRENT, readings[:, 4]
+        running, opening = readings[:, 2] >= LEAST_CURRENT, readings[:, 4]
         starts = running.copy()
         starts[1:] &= ~running[:-1]
         began = np.maximum.accumulate(np.where(starts, time[:, np.newaxis], -np.inf))
         ran = np.where(running, time[:, np.newaxis] - began, np.nan)
-        speed = position_speed(time, place)
+        speed = position_speed(time, opening)
         moving = running & (stroke_speed(speed, ran) != 0)
-        active = running & (np.abs(place - target) > 0.5)
-        return Run(time, readings, speed, ran, moving, active, place / 100, ())
+        active = running & (np.abs(opening - target) > 0.5)
+        return Run(time, readings, speed, ran, moving, active, opening / 100, ())
 
     def __repr__(self) -> str:
         return (
@@ -315,8 +315,8 @@ class MasterRun:
         last = np.full((times.size, self.n_valves), len(self.shown))
         for k in range(self.n_valves):
             rows = np.flatnonzero(unit == k + 1)
-            place = np.searchsorted(shown[rows], times, side="right") - 1
-            last[place >= 0, k] = rows[place[place >= 0]]
+            latest = np.searchsorted(shown[rows], times, side="right") - 1
+            last[latest >= 0, k] = rows[latest[latest >= 0]]
         return last
 
     def _silent(self, time: float) -> Bools:

@@ -136,9 +136,9 @@ class Command:
         for turn in range(times):
             begin = turn * share + generator.uniform(0, share - lasts)
             order = generator.permutation(valves)
-            for place, first in enumerate(range(0, valves, size)):
+            for group_number, first in enumerate(range(0, valves, size)):
                 members = [int(valve) + 1 for valve in order[first : first + size]]
-                when = begin + place * _GROUP_PAUSE
+                when = begin + group_number * _GROUP_PAUSE
                 plan.append(cls(("open", "close")[turn % 2], when, valves=members))
         return plan
 
@@ -474,8 +474,8 @@ class Plant:
         ends = np.broadcast_to(np.asarray(when, float), self.n_valves)
         for valve in np.flatnonzero(which):
             start, end = float(self.started[valve]), float(ends[valve])
-            action, place = self._action[valve], float(self.opening[valve])
-            self.movements.append(Movement(int(valve), action, start, end, place, outcome))
+            action, position = self._action[valve], float(self.opening[valve])
+            self.movements.append(Movement(int(valve), action, start, end, position, outcome))
             self.last_run[valve] = end - start
         self.running &= ~which
 

@@ -197,7 +197,7 @@ class RegisterMap:
         else:
             fault, ticks = words[1] >> 8, words[1] & 0xFF
         # The Manual bit is the inverse of Auto.
-        auto, close, opened = ((bits >> place & 1).astype(bool) for place in (1, 2, 3))
+        auto, close, opened = ((bits >> bit & 1).astype(bool) for bit in (1, 2, 3))
         return Status(readings, auto, close, opened, fault, ticks * _TIME_STEP)
 
     def command(self, code: Code, position: int = 0) -> int:

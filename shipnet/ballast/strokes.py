@@ -199,11 +199,11 @@ class Strokes:
                 f"without is {without!r}; no other healthy actuator has values of {missing}"
             )
         variables, rules = [], []
-        for place, (code, (name, top, width, flag, says)) in enumerate(_RULES.items(), start=1):
+        for rank, (code, (name, top, width, flag, says)) in enumerate(_RULES.items(), start=1):
             limit = float(limits[name])
             high = Term("high", (limit, limit + width, inf, inf), Interval(limit), "high")
             variables.append(Variable(name, "", 0, max(top, limit + width), (high,)))
-            rules.append(Rule(code, f"{name}.high", place, flag, says))
+            rules.append(Rule(code, f"{name}.high", rank, flag, says))
         return RuleBase(tuple(variables), tuple(rules))
 
     def scores(
@@ -308,8 +308,8 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
             f"numbers, (strokes, {POINTS}, {len(CHANNELS)})",
         )
     if values.dtype.kind == "f" and not np.isfinite(values).all():
-        place = np.argwhere(~np.isfinite(values))[0].tolist()
-        raise InputError(str(file), f"values{place} is {values[tuple(place)]}; it must be finite")
+        index = np.argwhere(~np.isfinite(values))[0].tolist()
+        raise InputError(str(file), f"values{index} is {values[tuple(index)]}; it must be finite")
     for key, kind in (("actuator", "U"), ("condition", "U"), ("stroke", "iu")):
         if held[key].shape != (n,) or held[key].dtype.kind not in kind:
             raise InputError(

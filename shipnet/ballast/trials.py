@@ -199,18 +199,18 @@ def fault_trials(
     {'normal': 0, 'V1': 8}
     """
     generator = check_rng(rng)
-    wanted, ways = _some("codes", codes, (NORMAL, *FAULTS)), _some("methods", methods, METHODS)
-    valves = check_whole("n_valves", n_valves, 1, 10_000 // len(wanted))
+    chosen, ways = _some("codes", codes, (NORMAL, *FAULTS)), _some("methods", methods, METHODS)
+    valves = check_whole("n_valves", n_valves, 1, 10_000 // len(chosen))
     try:
         each = np.broadcast_to(np.asarray(severity, float), valves)
     except (TypeError, ValueError):
         raise ArgumentError(
             f"severity is {severity!r}; it must be 0..1, one value for all or {valves} values"
         ) from None
-    severities = np.tile(each, len(wanted))
+    severities = np.tile(each, len(chosen))
     base = rule_base()
-    faults = np.repeat(np.array(wanted, dtype=object), valves)
-    places = {code: np.flatnonzero(faults == code) for code in wanted if code != NORMAL}
+    faults = np.repeat(np.array(chosen, dtype=object), valves)
+    places = {code: np.flatnonzero(faults == code) for code in chosen if code != NORMAL}
     plan = [Fault(code, severities[where], valves=where + 1) for code, where in places.items()]
     active = {method: np.zeros((faults.size, len(base.rules)), bool) for method in ways}
     first = {method: np.full((faults.size, len(base.rules)), np.nan) for method in ways}
@@ -236,7 +236,7 @@ def fault_trials(
         rows = {
             "method": method,
             "fault": faults,
-            "valve": np.tile(np.arange(1, valves + 1), len(wanted)),
+            "valve": np.tile(np.arange(1, valves + 1), len(chosen)),
             "severity": np.where(faults == NORMAL, 0.0, severities),
             "active": base.active_codes(codes),
             "top_fault": top,
@@ -314,16 +314,16 @@ def false_alarms(
     valves = check_whole("n_valves", n_valves, 1, 10_000)
     starts = np.arange(0.0, time - every + 1e-6, every)
     orders = [Command(("open", "close")[i % 2], start) for i, start in enumerate(starts)]
-    wanted, generator = _some("methods", methods, METHODS), check_rng(rng)
-    alarmed = {method: np.zeros((starts.size, valves), bool) for method in wanted}
-    alarms, reported = dict.fromkeys(wanted, 0), dict.fromkeys(wanted, 0.0)
-    quiet = {method: np.ones((1, valves), bool) for method in wanted}
+    chosen, generator = _some("methods", methods, METHODS), check_rng(rng)
+    alarmed = {method: np.zeros((starts.size, valves), bool) for method in chosen}
+    alarms, reported = dict.fromkeys(chosen, 0), dict.fromkeys(chosen, 0.0)
+    quiet = {method: np.ones((1, valves), bool) for method in chosen}
     system = spread_valves(valves, generator)
     # The last period is complete: it ends just before the next command would be due.
     end = starts[-1] + every - 0.1
     runs = blocks(system, orders, until=end, rng=generator, size=max(2**19 // valves, 1))
     last = 0.0
-    for block in _diagnosed(runs, wanted):
+    for block in _diagnosed(runs, chosen):
         for method, diagnosis in block.items():
             of = np.minimum((diagnosis.time + 1e-6) // every, starts.size - 1).astype(int)
             calm = np.isin(diagnosis.top, [NORMAL, UNDETERMINED])
@@ -334,8 +334,8 @@ def false_alarms(
             np.logical_or.at(alarmed[method], of, ~calm)
             quiet[method] = calm[-1:]
         last = diagnosis.time[-1]
-    hits = np.array([int(alarmed[method].sum()) for method in wanted])
-    seen = np.array([alarms[method] for method in wanted])
+    hits = np.array([int(alarmed[method].sum()) for method in chosen])
+    seen = np.array([alarms[method] for method in chosen])
     commands, years = starts.size * valves, valves * (starts.size * every) / _YEAR
     share = share_interval(hits, np.full(hits.shape, commands))
     rate = event_interval(seen, years)
@@ -350,9 +350,9 @@ def false_alarms(
         "per_valve_year": seen / years,
         "per_valve_year_low": rate[0],
         "per_valve_year_high": rate[1],
-        "false_detection_rate": [reported[method] / (valves * last) for method in wanted],
+        "false_detection_rate": [reported[method] / (valves * last) for method in chosen],
     }
-    return pd.DataFrame(columns, index=pd.Index(wanted, name="method"))
+    return pd.DataFrame(columns, index=pd.Index(chosen, name="method"))
 
 
 #: Columns of `FleetReport.faults`, and their types.
@@ -483,11 +483,11 @@ class FleetReport:
 
     def __repr__(self) -> str:
         table = self.faults()
-        found, isolated = table["detection_time_s"].count(), table["isolation_time_s"].count()
+        detected, isolated = table["detection_time_s"].count(), table["isolation_time_s"].count()
         return (
             f"{self.n_valves} valves, {self.duration / 3600:g} h, "
             f"{self.n_samples / 1e6:.1f} million samples, {len(self.commands)} motor runs\n"
-            f"{len(table)} fault{'s' if len(table) != 1 else ''}: {found} detected, "
+            f"{len(table)} fault{'s' if len(table) != 1 else ''}: {detected} detected, "
             f"{table['named'].sum()} named, {isolated} isolated; "
             f"{len(self.false_alarms())} false alarms"
         )
@@ -539,9 +539,10 @@ def run_fleet(
     faults: Fault | Iterable[Fault] = (),
     until: float = 86400.0,
     rng: Any = None,
-    idle_step: float = 1.0,
 ) -> FleetReport:
     """Simulate and diagnose a fleet block by block; store its alarms but not its samples.
+
+    The sensors are read every 0.1 s while a motor runs, and every second otherwise.
 
     Parameters
     ----------
@@ -555,8 +556,6 @@ def run_fleet(
         End time, up to 1e8 [s].
     rng : Generator, int or None, optional
         Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
-    idle_step : float, default 1
-        Time between two readings while no motor runs [s]; it is 0.1 s while a motor runs.
 
     Returns
     -------
@@ -582,7 +581,7 @@ def run_fleet(
     fleet = as_system(system)
     failed: list[Any] = list(as_faults(faults, Fault))
     end = check_scalar("until", until, "s", 0, 1e8)
-    runs = blocks(fleet, commands, faults=failed, until=end, idle_step=idle_step, rng=rng)
+    runs = blocks(fleet, commands, faults=failed, until=end, rng=rng)
     n_samples, strokes, alarms, signals = 0, [], [], []
     shown = np.full((1, fleet.n_valves), NORMAL, dtype=object)
     for block in _diagnosed(runs, ["fuzzy"]):

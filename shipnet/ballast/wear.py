@@ -186,8 +186,8 @@ class Wear:
             finite = ratio[np.isfinite(ratio)]
             spread = np.quantile(finite, [0.05, 0.5, 0.95]) if finite.size else [np.nan] * 3
             hits = np.isfinite(ratio), np.abs(ratio - 1) <= 0.2, (low <= true) & (true <= high)
-            found, near, covers = (hit.sum() / max(len(valves), 1) for hit in hits)
-            rows.append((predictor, part, len(valves), found, *spread, near, covers))
+            predicted, near, covers = (hit.sum() / max(len(valves), 1) for hit in hits)
+            rows.append((predictor, part, len(valves), predicted, *spread, near, covers))
         titles = ["valves", "found", "p05", "median", "p95", "within_20", "covers"]
         table = pd.DataFrame(rows, columns=["predictor", "part", *titles])
         return table.set_index(["predictor", "part"])
@@ -233,9 +233,9 @@ class Prediction:
         ax.plot(strokes, values, ".", color="C0", markersize=3, label="readings")
         ax.axhline(limit, **style.LIMIT, linewidth=1, label="limit")  # type: ignore[arg-type]
         if trend.found:
-            found, last = trend.crossing(limit), self.at - 1
+            crossing, last = trend.crossing(limit), self.at - 1
             # The axis is not extended to a crossing in the past or far in the future.
-            end = found.estimate if last < found.estimate < 5 * last else last
+            end = crossing.estimate if last < crossing.estimate < 5 * last else last
             stop = 1.25 * end
             grid = np.linspace(0, stop, 200)
             low, high = trend.band(grid)
@@ -250,10 +250,12 @@ class Prediction:
                 label=f"{100 * CONFIDENCE:g} % interval",
             )
             ax.set_xlim(0, stop)
-            if found.estimate <= stop:
-                ends = np.array([[found.estimate - found.low], [found.high - found.estimate]])
+            if crossing.estimate <= stop:
+                ends = np.array(
+                    [[crossing.estimate - crossing.low], [crossing.high - crossing.estimate]]
+                )
                 ax.errorbar(
-                    [found.estimate],
+                    [crossing.estimate],
                     [limit],
                     xerr=np.clip(ends, 0, stop),
                     fmt="o",

@@ -208,7 +208,6 @@ def analyse(
     bit_rates: float | Iterable[float] = BIT_RATES,
     *,
     period: float | None = None,
-    assumptions: Assumptions | None = None,
     faults: ErrorBound | None = None,
 ) -> Analysis:
     """Return the load, response times, lowest bit rate and best priority order of a message set.
@@ -221,17 +220,14 @@ def analyse(
         Bit rates to examine, whole numbers 1000..1000000 [bit/s].
     period : float, optional
         Period of messages that have none in the file or log, 1e-6..1e5 [s].
-    assumptions : Assumptions, optional
-        Assumptions about the lengths of frames and the definition of the response time. By default,
-        response times of messages from a log begin when a message is queued, and are compared with
-        the periods.
     faults : ErrorBound, optional
         Bound on the number of errors on the bus; no errors by default.
 
     Returns
     -------
     Analysis
-        The response times at each bit rate, and the best priority order.
+        The response times at each bit rate, and the best priority order. Response times of messages
+        from a log begin when a message is queued, and are compared with the periods.
 
     Raises
     ------
@@ -251,7 +247,8 @@ def analyse(
     if not rates or not all(1000 <= rate <= 1e6 and rate % 1 == 0 for rate in rates):
         raise ArgumentError(f"bit_rates is {bit_rates!r}; each must be whole, 1000..1000000 bit/s")
     message_set = _messages(messages, period)
-    if assumptions is None and message_set.observed is not None:
+    assumptions = Assumptions()
+    if message_set.observed is not None:
         assumptions = Assumptions(own_jitter=False)
         queued = (
             replace(message, deadline=message.deadline - message.jitter) for message in message_set
@@ -411,15 +408,15 @@ def compare(
         chosen = slice(*np.searchsorted(keys, [key, key + 1]))
         gaps = np.diff(times[chosen])
         silence = float(np.diff(times[chosen], prepend=0.0, append=end).max())
-        number, wanted, odd = hexadecimal(key >> 1, bool(key & 1)), math.nan, ["unknown"]
+        number, expected, odd = hexadecimal(key >> 1, bool(key & 1)), math.nan, ["unknown"]
         name = number
         if message:
-            name, wanted = message.name, message.period
+            name, expected = message.name, message.period
             name += f" {number}" if len(sources[message]) > 1 else ""
             seen = None if plan.observed is None else plan.observed.loc[message.name]
             odd = _differences(message, times[chosen], codes[chosen], silence, frames.step, seen)
         usual = (gaps.min(), gaps.mean()) if len(gaps) else (math.nan, math.nan)
-        spans = (1e3 * span for span in (wanted, *usual, silence))
+        spans = (1e3 * span for span in (expected, *usual, silence))
         rows.append((name, number, len(times[chosen]), *spans, ", ".join(odd) or "as planned"))
     columns = ["name", "arbitration_id", "frames", "period_ms", "shortest_ms", "mean_ms"]
     table = pd.DataFrame(rows, columns=[*columns, "longest_ms", "verdict"])

@@ -84,7 +84,7 @@ def bit_timings(
     """
     hertz = check_scalar("clock", clock, "Hz", 1e6, 16e6)
     rate = check_bit_rate(bit_rate)
-    wanted = check_scalar("sample_point", sample_point, "", 1e-3, 1 - 1e-3)
+    target = check_scalar("sample_point", sample_point, "", 1e-3, 1 - 1e-3)
     loop = check_scalar("loop_delay", loop_delay, "s", 0, 1)
     segment = np.arange(1, _SEGMENT + 1)
     grid = np.meshgrid(
@@ -105,7 +105,7 @@ def bit_timings(
     once = prescaler == 1
     sample = (1 + prs + phs1 - once) / quanta
     error_frame, ten_bits = phs2 / (2 * (13 * quanta - phs2)), sjw / (20 * quanta)
-    order = np.lexsort((-sjw, -quanta, np.abs(sample - wanted).round(12)))
+    order = np.lexsort((-sjw, -quanta, np.abs(sample - target).round(12)))
     table = pd.DataFrame(
         {
             "prescaler": prescaler,

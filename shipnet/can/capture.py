@@ -185,7 +185,8 @@ class _Line:
             boundary = at[:, on] + size * bit
             off = since[edge, on] - boundary
             beyond = np.sign(off) * np.maximum(np.abs(off) - half, 0)
-            misfit[:, on] += np.abs(beyond) + 1e-3 * np.abs(off) + 20.0 * bit * (size > RUN)
+            stuffing = np.where(size > RUN, 20.0 * bit, 0.0)
+            misfit[:, on] += np.abs(beyond) + 1e-3 * np.abs(off) + stuffing
             doubt[on] |= np.abs(off[0]) > 0.2 * bit
             shift = np.clip(beyond, -_JUMP * bit, _JUMP * bit) if edge % 2 == 0 else 0.0
             at[:, on] = boundary + shift

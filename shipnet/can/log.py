@@ -89,7 +89,7 @@ class Log:
     def __post_init__(self) -> None:
         for name, kinds in _KINDS.items():
             column = np.asarray(getattr(self, name))
-            if column.ndim != 1 + (name == "data") or (
+            if column.ndim != (2 if name == "data" else 1) or (
                 column.size and column.dtype.kind not in kinds
             ):
                 raise ArgumentError(f"{name} is {column!r}; it must be a column of a log")
@@ -171,9 +171,9 @@ class Log:
             ):
                 name = f"{number:0{8 if extended else 3}X}"
                 size = min(dlc, 8)
-                rest = f"R{size or ''}" if remote else text[16 * row : 16 * row + 2 * size]
+                body = f"R{size or ''}" if remote else text[16 * row : 16 * row + 2 * size]
                 raw = f"_{dlc:X}" if dlc > 8 else ""
-                file.write(f"({time:017.6f}) {channel} {name}#{rest}{raw}\n")
+                file.write(f"({time:017.6f}) {channel} {name}#{body}{raw}\n")
 
     def load(self, bit_rate: float, *, window: float = 1.0) -> LogLoad:
         """Return the load of each bus in a sliding window, and the load per identifier.
@@ -227,8 +227,9 @@ class Log:
         number, span = len(self), float(np.ptp(self.time)) if len(self) else 0.0
         if not span or (number - 1) * _SHORTEST > span:
             raise ArgumentError(
-                f"the log has {number} frame{'s' * (number != 1)} in {span:.3g} s; a message set "
-                "requires at least two, whose time stamps are 47 us apart or more on average"
+                f"the log has {number} {'frame' if number == 1 else 'frames'} in {span:.3g} s; a "
+                "message set requires at least two, whose time stamps are 47 us apart or more on "
+                "average"
             )
         keys, size = self.keys, self.sizes
         times = {key: np.sort(self.time[keys == key]) for key in np.unique(keys).tolist()}

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from functools import cached_property
+from math import isnan
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, TypeVar, overload
@@ -138,9 +139,9 @@ class Message:
         """Return the length of the frame with intermission [bit]."""
         return self.bits or length_table(stuffing)[self.extended][self.dlc]
 
-    def frame_time(self, bit_rate: float, stuffing: Stuffing = "worst") -> float:
-        """Return the duration of the frame and its intermission [s]."""
-        return self.frame_length(stuffing) / check_bit_rate(bit_rate)
+    def frame_time(self, bit_rate: float) -> float:
+        """Return the duration of the longest frame and its intermission [s]."""
+        return self.frame_length() / check_bit_rate(bit_rate)
 
 
 #: Kind of each field of a message, and the columns of a table; the first four are required.
@@ -186,9 +187,9 @@ class _Messages(Cells):
     needs_unit = frozenset(f"{time}_ms" for time in TIMES)
     hint = "columns= or --column TITLE=NAME may define them"
 
-    def __init__(self, sheet: Sheet, own: Mapping[str, str], period: float | None) -> None:
+    def __init__(self, sheet: Sheet, assigned: Mapping[str, str], period: float | None) -> None:
         self.needed = _NEEDED if period is None else _NEEDED[:3]
-        super().__init__(sheet, tuple(own.items()), is_saved=sheet.titles == COLUMNS)
+        super().__init__(sheet, tuple(assigned.items()), is_saved=sheet.titles == COLUMNS)
 
     def column_faults(self) -> list[str]:
         """Return which of the required columns are missing."""
@@ -519,22 +520,22 @@ def read_list(
     path: Path, columns: Mapping[str, str] | None = None, period: float | None = None
 ) -> MessageSet:
     """Return the messages in a CSV file or Excel workbook."""
-    own = {title.strip(): column for title, column in (columns or {}).items()}
-    sheet = read_sheet(path, is_titles=_Messages.score(tuple(own.items())), what=_WHAT)
+    assigned = {title.strip(): column for title, column in (columns or {}).items()}
+    sheet = read_sheet(path, is_titles=_Messages.score(tuple(assigned.items())), what=_WHAT)
     titles = {plain(title) for title in sheet.titles}
-    for title, column in own.items():
+    for title, column in assigned.items():
         if plain(title) not in titles:
-            known = ", ".join(sheet.titles)
-            raise InputError(sheet.source, f"no column {title!r}; the titles are {known}")
+            existing = ", ".join(sheet.titles)
+            raise InputError(sheet.source, f"no column {title!r}; the titles are {existing}")
         if _Messages.words.column_of(column) is None:
             legal = ", ".join((*COLUMNS, "note"))
             raise ArgumentError(f"columns has {column!r}; it must be one of {legal}")
-    return _from_sheet(sheet, own, period)
+    return _from_sheet(sheet, assigned, period)
 
 
-def _from_sheet(sheet: Sheet, own: Mapping[str, str], period: float | None) -> MessageSet:
+def _from_sheet(sheet: Sheet, assigned: Mapping[str, str], period: float | None) -> MessageSet:
     """Return the messages in a sheet, or raise an error that lists all faults."""
-    cells = _Messages(sheet, own, period)
+    cells = _Messages(sheet, assigned, period)
     is_hex = cells.units.get("arbitration_id") == "hex"
     columns: dict[str, list[Any]] = {}
     for (field, kind), column in zip(_KINDS.items(), COLUMNS, strict=True):
@@ -549,7 +550,7 @@ def _from_sheet(sheet: Sheet, own: Mapping[str, str], period: float | None) -> M
             whole, target = isinstance(kind, Whole), "s" if field in TIMES else ""
             values = cells.numbers(column, kind.low, kind.high, target, whole=whole).tolist()
             convert = int if whole else float
-            columns[field] = [None if value != value else convert(value) for value in values]
+            columns[field] = [None if isnan(value) else convert(value) for value in values]
         else:
             columns[field] = cells.values(column, _printable, "printable text")
     messages: list[tuple[int, Message]] = []
@@ -566,8 +567,8 @@ def _from_sheet(sheet: Sheet, own: Mapping[str, str], period: float | None) -> M
             messages.append((row, Message(**{"period": period} | fields)))
         except ArgumentError as fault:
             cells.fault(row, "arbitration_id", f", {fault}")
-    for place, why in set_faults(message for _, message in messages):
-        cells.fault(messages[place][0], "name", f": {why}")
+    for index, why in set_faults(message for _, message in messages):
+        cells.fault(messages[index][0], "name", f": {why}")
     cells.check()
     return MessageSet((message for _, message in messages), remarks=cells.shown)
 

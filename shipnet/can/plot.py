@@ -82,8 +82,8 @@ def _outline(ax: Axes, name: str, start: int, length: int, width: int) -> None:
         )
     begin, size = max(pieces, key=lambda piece: piece[1])
     row, x = divmod(begin, width)
-    place, rotation = (x + size / 2, -0.12 - row * _PITCH), 90 if size < _NARROW else 0
-    ax.text(*place, _SHORT.get(name, name), ha="center", va="top", rotation=rotation)
+    anchor, rotation = (x + size / 2, -0.12 - row * _PITCH), 90 if size < _NARROW else 0
+    ax.text(*anchor, _SHORT.get(name, name), ha="center", va="top", rotation=rotation)
 
 
 def plot_contest(

@@ -167,8 +167,8 @@ class Assumptions(Mapping[str, Range]):
     def with_(self, **ranges: Range) -> Assumptions:
         """Return a copy with some ranges replaced by the user's."""
         changed = {
-            name: replace(self.entry(name), range=given, status="given", source="the user")
-            for name, given in ranges.items()
+            name: replace(self.entry(name), range=values, status="given", source="the user")
+            for name, values in ranges.items()
         }
         return Assumptions({**self._entries, **changed})
 
@@ -198,14 +198,14 @@ def words(name: str) -> str:
     return " ".join(_SPELT.get(part, part) for part in name.split("_"))
 
 
-def ordered(name: str, given: Range) -> Range:
+def ordered(name: str, values: Range) -> Range:
     """Return a range; raise ArgumentError unless 0 <= low <= nominal <= high < infinity."""
-    finite = len(given) == 3 and all(map(isfinite, given))
-    if not finite or not 0 <= given[0] <= given[1] <= given[2]:
+    finite = len(values) == 3 and all(map(isfinite, values))
+    if not finite or not 0 <= values[0] <= values[1] <= values[2]:
         raise ArgumentError(
-            f"{name} is {tuple(given)}; it must be low <= nominal <= high, 0 or more and finite"
+            f"{name} is {tuple(values)}; it must be low <= nominal <= high, 0 or more and finite"
         )
-    return given
+    return values
 
 
 @cache

@@ -182,8 +182,8 @@ class Comparison:
 
     def pareto(self, *columns: str) -> list[str]:
         """Return the designs that are Pareto-optimal in `columns`, or by default in `CRITERIA`."""
-        known = [check_choice("one of columns", column, self._table.columns) for column in columns]
-        best = self._optimal(self._table, known or CRITERIA)
+        chosen = [check_choice("one of columns", column, self._table.columns) for column in columns]
+        best = self._optimal(self._table, chosen or CRITERIA)
         return [str(name) for name in self._table.index[best]]
 
     @property
@@ -282,7 +282,9 @@ class Comparison:
 
     def findings(self) -> Findings:
         """Return the findings for all designs; the column ``design`` contains the design's name."""
-        return Findings(_by_design({name: found.table() for name, found in self._checked.items()}))
+        return Findings(
+            _by_design({name: checked.table() for name, checked in self._checked.items()})
+        )
 
     def failures(self) -> pd.DataFrame:
         """Return the points lost in each single failure, worst first, one design after another."""
@@ -320,22 +322,20 @@ class Comparison:
         # Draw from a copy of rng, so that every comparison with this rng has the same draws.
         return draw(self.designs, rng=deepcopy(self.rng))
 
-    def tornado(
-        self, a: str | None = None, b: str | None = None, *, figure: str = "total_cost_eur"
-    ) -> Tornado:
-        """Return the effect of each assumption on the difference in a figure, design `a` minus `b`.
+    def tornado(self, a: str | None = None, b: str | None = None) -> Tornado:
+        """Return the effect of each assumption on the difference in cost, design `a` minus `b`.
 
         By default, `b` is the first design with all points, and `a` is the other such design with
-        the lowest figure. If only `a` or `b` is given, the effect on its own figure is returned.
+        the lowest cost. If only `a` or `b` is given, the effect on its own cost is returned.
         """
         if a is None and b is None:
             whole = {name: design for name, design in self.designs.items() if design.fits}
-            return tornado(whole or self.designs, figure)
+            return tornado(whole or self.designs)
         if a == b:
             raise ArgumentError(f"a and b are both {a!r}; they must be different designs")
-        given = [(what, one) for what, one in (("b", b), ("a", a)) if one is not None]
-        known = [check_choice(what, one, self.designs) for what, one in given]
-        return tornado({name: self.designs[name] for name in known}, figure)
+        chosen = [(what, one) for what, one in (("b", b), ("a", a)) if one is not None]
+        names = [check_choice(what, one, self.designs) for what, one in chosen]
+        return tornado({name: self.designs[name] for name in names})
 
     def plot(self, x: str = "total_cost_eur", y: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw figure `x` of each design with its range, or plot column `y` against column `x`."""
@@ -532,19 +532,19 @@ def compare(
 
 
 def compared(
-    given: Sequence[Design],
+    designs: Sequence[Design],
     rules: RuleSet,
     rng: np.random.Generator,
     remarks: tuple[str, ...] = (),
 ) -> Comparison:
     """Return a comparison of designs that includes the remarks from planning."""
-    named = {design.name: design for design in given}
-    if not given or len(named) < len(given):
-        names = ", ".join(repr(design.name) for design in given) or "none"
+    named = {design.name: design for design in designs}
+    if not designs or len(named) < len(designs):
+        names = ", ".join(repr(design.name) for design in designs) or "none"
         raise ArgumentError(f"designs are {names}; there must be one or more, with different names")
-    first = given[0]
+    first = designs[0]
     tags = first.points["tag"].tolist()
-    for design in given[1:]:
+    for design in designs[1:]:
         if design.points["tag"].tolist() != tags:
             raise ArgumentError(f"designs {design.name!r} and {first.name!r} have different points")
         for name in ("cabinet", "detour", "tails", "assumptions"):
@@ -568,19 +568,20 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
     both = iolist.points["tag"].isin(kept).to_numpy() & iolist.located
     if not both.any():
         return
-    given = iolist.points["home_run_m"].to_numpy(float)[both]
+    listed = iolist.points["home_run_m"].to_numpy(float)[both]
     computed = site.length(site.route(site.cabinet, iolist.places[both]))
     straight = np.linalg.norm(iolist.places[both] - np.array(site.cabinet), axis=1)
-    if short := int((given < straight - ROUNDED).sum()):
+    if short := int((listed < straight - ROUNDED).sum()):
         yield (
-            f"{short} home run{'s' * (short > 1)} of the list {'are' if short > 1 else 'is'} "
+            f"{short} home {'run' if short == 1 else 'runs'} of the list "
+            f"{'is' if short == 1 else 'are'} "
             "shorter than the straight distance to the cabinet; the list's length is used."
         )
-    if np.abs(computed - given).sum() > _ALIKE * given.sum():
+    if np.abs(computed - listed).sum() > _ALIKE * listed.sum():
         cabinet = ", ".join(f"{value:g}" for value in site.cabinet)
         yield (
-            f"Home runs have the lengths in the list, {number(given.sum() / 1e3)} km in total for "
-            f"{len(given)} points; computed from positions, with the cabinet at {cabinet} m, the "
+            f"Home runs have the lengths in the list, {number(listed.sum() / 1e3)} km in total for "
+            f"{len(listed)} points; computed from positions, with the cabinet at {cabinet} m, the "
             f"total would be {number(computed.sum() / 1e3)} km. Set list_lengths to false to use "
             "computed lengths."
         )
@@ -597,7 +598,7 @@ def _alike(verb: str, objects: Mapping[str, str]) -> Iterator[str]:
     """Yield a sentence for each object, about the designs that share it."""
     for what in dict.fromkeys(objects.values()):
         names = [name for name in objects if objects[name] == what]
-        yield f"{', '.join(names)} {verb}{'s' * (len(names) == 1)} {what}."
+        yield f"{', '.join(names)} {verb}{'s' if len(names) == 1 else ''} {what}."
 
 
 def _by_design(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:

@@ -49,7 +49,6 @@ _DEVICES: dict[str, tuple[str, ...]] = {
     "AS-i master": ("asi_master", "master_time"),
     "CAN master": ("can_master", "master_time"),
     "master": ("modbus_master", "master_time"),
-    "gateway": ("gateway", "master_time"),
     "repeater": ("repeater", "part_time"),
     "AS-i supply": ("asi_supply", "part_time"),
     "supply": ("supply", "part_time"),
@@ -250,14 +249,14 @@ class Model:
         self.items = items_of(design)
         self.assumptions = design.settings.assumptions
         self._at_cabinet = conductors_at_cabinet(design)
-        runs, known = design.cables, catalogue()
+        runs, types = design.cables, catalogue()
         summed = ["runs", "length_m", "ends", "conductors", "at_cabinet"]
         counted = runs.assign(runs=1, ends=2 * runs["used"])
         self.laid: pd.DataFrame = counted.groupby("cable")[summed].sum()
         self._sums = {name: column.to_numpy(dtype=float) for name, column in self.laid.items()}
-        if unknown := sorted(set(self.laid.index) - set(known)):
+        if unknown := sorted(set(self.laid.index) - set(types)):
             raise ArgumentError(f"the catalogue has no cable {', '.join(unknown)}")
-        self.cables = {str(name): known[str(name)] for name in self.laid.index}
+        self.cables = {str(name): types[str(name)] for name in self.laid.index}
         self._section = 1e-6 * np.array([c.area_mm2 for c in self.cables.values()], dtype=float)
         self._ranges = {
             name: np.array([getattr(c, field) for c in self.cables.values()]).reshape(-1, 3)
@@ -277,12 +276,12 @@ class Model:
         """Return every figure with some assumptions at `levels`, and all others at `others`."""
         if not self._connected:  # the design has no figures
             return dict.fromkeys(FIGURES, nan)
-        given, laid = {} if levels is None else levels, self._sums
+        chosen, laid = {} if levels is None else levels, self._sums
 
         def at(name: str) -> Floats:
             ranges = self._ranges.get(name)
             ranges = np.array([self.assumptions[name]]) if ranges is None else ranges
-            return values_at(ranges, given.get(name, others))
+            return values_at(ranges, chosen.get(name, others))
 
         def due(unit: str) -> Floats | float:
             entry, items = self.assumptions.entry, self.items.items()

@@ -111,7 +111,7 @@ def medians(xyz: Floats, labels: Indices) -> tuple[Indices, Floats]:
 
 def divided(
     items: Sequence[Item],
-    place: Callable[[Item], Sequence[float]],
+    position: Callable[[Item], Sequence[float]],
     judge: Callable[[Sequence[Item]], tuple[Result, float]],
     halve: Callable[[Item], Sequence[Item]] | None = None,
 ) -> list[tuple[list[Item], Result]]:
@@ -123,7 +123,7 @@ def divided(
         result, parts = judge(group)
         pieces: list[list[Item]] = []
         if parts > 1 and len(group) > 1:
-            xyz = np.array([place(item) for item in group], dtype=float)
+            xyz = np.array([position(item) for item in group], dtype=float)
             if len(group) > _MANY:
                 labels = _halves(xyz).astype(np.intp)
             elif parts < inf:
@@ -169,7 +169,7 @@ def tree(away: Floats) -> list[tuple[int, int]]:
         return []
     spanning = minimum_spanning_tree(away + _APART)
     order, before = depth_first_order(spanning, 0, directed=False)
-    return [(int(before[place]), int(place)) for place in order[1:]]
+    return [(int(before[node]), int(node)) for node in order[1:]]
 
 
 def chain(away: Floats) -> list[int]:
@@ -199,7 +199,7 @@ def chain(away: Floats) -> list[int]:
         change = padded[before, b] + padded[a, behind] - padded[before, a] - padded[b, behind]
         best = int(change.argmin())
         if change[best] > -1e-6:
-            return [int(place) for place in order[:-1]]
+            return [int(node) for node in order[:-1]]
         start, end = first[best], last[best] + 1
         order[start:end] = order[start:end][::-1].copy()
 
@@ -342,9 +342,9 @@ class Draft:
 
     def too_slow(self, row: int, least: float, words: str) -> None:
         """Record that a point needs an update time below `least` [s], the shortest possible."""
-        tag, wanted = self.tags[row], 1e3 * float(self.need[row])
-        text = f"{tag} needs an update every {wanted:g} ms; {words} {1e3 * least:.3g} ms"
-        self.reason(tag, "update", 1e3 * least, wanted, "ms", text)
+        tag, needed = self.tags[row], 1e3 * float(self.need[row])
+        text = f"{tag} needs an update every {needed:g} ms; {words} {1e3 * least:.3g} ms"
+        self.reason(tag, "update", 1e3 * least, needed, "ms", text)
 
     def made(self, name: str) -> Design:
         """Return the design, with all routes and lengths."""
@@ -360,54 +360,54 @@ class Draft:
         laid = Design(
             name, self.iolist, self.site, points, devices, runs, segments, reasons, self.settings
         )
-        wanted = sized(laid)
-        if not wanted.cable:
+        feeders = sized(laid)
+        if not feeders.cable:
             return laid
-        runs = self._feed(runs, wanted)
-        points["fits"] &= ~points["device"].isin([weak[0] for weak in wanted.weak])
+        runs = self._feed(runs, feeders)
+        points["fits"] &= ~points["device"].isin([weak[0] for weak in feeders.weak])
         devices, reasons = (frame(t, self._rows[t]) for t in ("devices", "reasons"))
         return replace(laid, points=points, devices=devices, cables=runs, reasons=reasons)
 
-    def _feed(self, runs: pd.DataFrame, wanted: Feeders) -> pd.DataFrame:
+    def _feed(self, runs: pd.DataFrame, feeders: Feeders) -> pd.DataFrame:
         """Return the cables with sized feeders, and add the required supplies."""
-        rows, known = self._rows["cables"], cables()
-        idle, old = set(wanted.idle), len(rows)
-        for number, cable in wanted.cable.items():
-            rows[number] |= {"cable": cable, "conductors": known[cable].conductors}
-        for number, supply in wanted.own.items():
-            row, given = rows[number], self._rows["devices"][supply]
-            name, (x, y, z) = given["device"], row["end"]
+        rows, types = self._rows["cables"], cables()
+        idle, old = set(feeders.idle), len(rows)
+        for number, cable in feeders.cable.items():
+            rows[number] |= {"cable": cable, "conductors": types[cable].conductors}
+        for number, supply in feeders.own.items():
+            row, entry = rows[number], self._rows["devices"][supply]
+            name, (x, y, z) = entry["device"], row["end"]
             if supply in idle:  # the idle supply moves to the device
                 idle.remove(supply)
-                given |= {"x_m": x, "y_m": y, "z_m": z, "at": ""}
+                entry |= {"x_m": x, "y_m": y, "z_m": z, "at": ""}
                 self.in_cabinet.discard(name)
             else:
-                kind, segment, line = given["kind"], row["segment"], row["line"]
+                kind, segment, line = entry["kind"], row["segment"], row["line"]
                 name = self.device(name, kind, segment, row["end"], line=line)
             row |= {"a": name, "start": row["end"], "at_cabinet": False}
             if self.settings.fed:
                 laid = Laid(self.middle, row["end"])
-                ends, mains = (self.cabinet, name), known[self.settings.feeder]
+                ends, mains = (self.cabinet, name), types[self.settings.feeder]
                 self.run("feeder", ends, laid, mains, PAIR, row["segment"], row["line"])
-        for device, value, bound, unit in wanted.weak:
+        for device, value, bound, unit in feeders.weak:
             verb = "draws" if unit == "A" else "gets"
             text = f"{device} {verb} {value:.3g} {unit} from a supply beside it; the limit is "
             self.reason(device, "supply", value, bound, unit, f"{text}{bound:.3g} {unit}")
         for column in ("cable", "conductors"):
             runs[column] = [row[column] for row in rows[:old]]
-        near = list(wanted.own)
+        near = list(feeders.own)
         fresh = self._runs([*(rows[number] for number in near), *rows[old:]])
         return pd.concat([runs.drop(index=near), fresh], ignore_index=True) if near else runs
 
     def _runs(self, rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
         if not rows:
             return frame("cables")
-        start, end, share, given = (
+        start, end, share, listed = (
             np.array([row[name] for row in rows], dtype=float) for name in Laid._fields
         )
-        route = np.where(np.isnan(given), self.site.route(start, end) * share, np.nan)
+        route = np.where(np.isnan(listed), self.site.route(start, end) * share, np.nan)
         computed = self.site.detour * route + self.site.tails * share
-        lengths = {"route_m": route, "length_m": np.where(np.isnan(given), computed, given)}
+        lengths = {"route_m": route, "length_m": np.where(np.isnan(listed), computed, listed)}
         named = [name for name in COLUMNS["cables"] if name not in lengths]
         return frame("cables", {name: [row[name] for row in rows] for name in named} | lengths)
 
@@ -446,7 +446,7 @@ def boxes(draft: Draft, rows: Indices) -> list[Box]:
     table = draft.iolist.points
     names = table["box"].to_numpy(object)
     at_box = draft.iolist.box_places
-    given = draft.given_lengths("to_box_m")
+    listed = draft.given_lengths("to_box_m")
     located = draft.iolist.located
     limits = draft.settings.boxes
     made: list[Box] = []
@@ -455,10 +455,10 @@ def boxes(draft: Draft, rows: Indices) -> list[Box]:
         places = at_box[inside][np.isfinite(at_box[inside]).all(axis=1)]
         if not len(places):
             places = draft.places[inside][located[inside]]
-        reached = (np.isfinite(given[inside]) | located[inside]) & (len(places) > 0)
+        reached = (np.isfinite(listed[inside]) | located[inside]) & (len(places) > 0)
         without_place(draft, inside[~reached])
         if reached.any():
-            made.append(Box.at(str(name), places, inside[reached], given[inside[reached]]))
+            made.append(Box.at(str(name), places, inside[reached], listed[inside[reached]]))
     loose = rows[names[rows] == ""]
     without_place(draft, loose[~located[loose]])
     loose = loose[located[loose]]
@@ -502,7 +502,7 @@ def route_past(draft: Draft, stations: Sequence[Box]) -> Backbone:
     order = chain(draft.site.route(places[:, None], places[None, :]))
     along = places[order]
     hops = draft.site.length(draft.site.route(along[:-1], along[1:]))
-    return Backbone([place - 1 for place in order[1:]], hops)
+    return Backbone([index - 1 for index in order[1:]], hops)
 
 
 def lay(
@@ -531,8 +531,8 @@ def lay(
         master = add("master", line, 0, draft.cabinet)
         # If a station has a repeater, the trunk cable to the next station starts at the repeater.
         leaving = [master, *names]
-        for place in repeaters:
-            leaving[place + 1] = add("repeater", line, place + 1, names[place], names[place])
+        for index in repeaters:
+            leaving[index + 1] = add("repeater", line, index + 1, names[index], names[index])
         for (near, far), run in zip(hops, zip(leaving, names, strict=False), strict=True):
             draft.run("trunk", run, Laid(near, far), cables()[cable], PAIR, segment, line)
         add("terminator 1", line, 0, master)

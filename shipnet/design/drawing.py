@@ -93,8 +93,8 @@ def sheets(design: Layout) -> list[tuple[str, int]]:
             f'<text x="6" y="14" font-size="12" font-weight="bold">{escape(title)}</text>',
             f'<text x="6" y="28" fill="#5a6673">{_LEGEND}</text>',
         ]
-        for place, row in enumerate(page):
-            column, line = divmod(place, tall)
+        for index, row in enumerate(page):
+            column, line = divmod(index, tall)
             parts += _drawn(row, 6 + column * _WIDTH // _COLUMNS, _TOP + line * _ROW)
         made.append(("\n".join([*parts, "</svg>"]), height))
     return made
@@ -274,7 +274,7 @@ def _laid(root: _Node, *, star: bool) -> Sequence[_Row]:
             waiting += [(child, here, at, at + 1) for child in reversed(node.children)]
         else:
             ordered = sorted(node.children, key=lambda child: -child.size)
-            waiting += [(child, here, at, at + (n > 0)) for n, child in enumerate(ordered)]
+            waiting += [(child, here, at, at + min(n, 1)) for n, child in enumerate(ordered)]
     for parent, (end, lane) in last.items():
         rows[parent].below.add(lane)
         for row in rows[parent + 1 : end]:

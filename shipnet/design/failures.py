@@ -21,11 +21,11 @@ _NONE: Integers = np.empty(0, np.int64)
 Edges = tuple[Integers, Integers, Integers]
 
 #: Kinds of devices that join lines A and B, and kinds that block all lines when dead.
-_JOINS = ("cabinet", "master", "gateway")
+_JOINS = ("cabinet", "master")
 _BLOCKS = (*_JOINS, "repeater", "box")
 
 #: Kinds of devices at which a pair of conductors ends, by the kind of its cables.
-_PAIR_ENDS = {"trunk": ("repeater", "gateway"), "feeder": ("cabinet", "gateway")}
+_PAIR_ENDS = {"trunk": ("repeater",), "feeder": ("cabinet",)}
 
 #: Kinds of devices whose failure disables everything in their housing.
 _SHELLS = ("box", "cabinet")
@@ -76,10 +76,8 @@ class Reach:
             if at == cabinet and kinds[n] in ("repeater", "supply"):
                 self._joints[joint, 1] = master.get(lines[n], at)
 
-        # Edges that carry data; a cabinet, master or gateway is one node for both lines.
-        at_kind = {kind: (kinds == kind)[self._ends] for kind in ("gateway", "cabinet", "supply")}
-        link = feeder & at_kind["gateway"].any(axis=1)
-        u, v, run = self._by_line(np.flatnonzero(trunk | link), self._joints)
+        # Edges that carry data; a cabinet or master is one node for both lines.
+        u, v, run = self._by_line(np.flatnonzero(trunk), self._joints)
         count, joined = len(kinds), np.isin(kinds, _JOINS)
         u, v = (np.where(joined[node % count], node % count, node) for node in (u, v))
         self._data = u, v, run
@@ -96,10 +94,11 @@ class Reach:
         # Edges that carry power: feeders of stations, and AS-i trunks. A supply in a housing feeds
         # its line there without a cable. Then the feeders of the outputs of AS-i modules.
         lines_of_asi = self._asi & ~feeder & ~self.at_point & (kinds != "repeater")[far]
-        to_host = at_kind["cabinet"].any(axis=1) | at_kind["gateway"].any(axis=1)
+        at_cabinet, at_supply = ((kinds == kind)[self._ends] for kind in ("cabinet", "supply"))
+        to_host = at_cabinet.any(axis=1)
         number = np.flatnonzero(lines_of_asi | (feeder & ~self._asi & ~to_host))
         self._power = self._by_line(number, self._joints[kinds[self._joints[:, 0]] == "supply"])
-        mains = (at_kind["cabinet"] | at_kind["supply"]).any(axis=1)
+        mains = (at_cabinet | at_supply).any(axis=1)
         number = np.flatnonzero(self._asi & feeder & ~mains)
         self._auxiliary = (*self._ends[number].T, number)
         # Supplies with a feeder from the cabinet, and the runs of these feeders.
@@ -160,7 +159,8 @@ class Reach:
             for pair in np.split(number[order], np.flatnonzero(np.diff(label[order])) + 1):
                 ends = np.unique(self._ends[pair[self._asi[pair] & trunk[pair]]])
                 masters = ends[self.kinds[ends] == "master"]
-                shorts += [(pair.tolist(), masters.tolist())] * (len(pair) > 0)
+                if len(pair):
+                    shorts.append((pair.tolist(), masters.tolist()))
         return shorts
 
     def alone(self) -> dict[int, int]:
@@ -282,8 +282,8 @@ class Reach:
         """Return True for devices that work and whose mains feeder, if any, is not cut."""
         fed, mains = self._mains
         feeding = ~dead
-        row, place = np.nonzero(cut[:, mains])
-        feeding[row, fed[place]] = False
+        row, column = np.nonzero(cut[:, mains])
+        feeding[row, fed[column]] = False
         return feeding
 
 
@@ -345,11 +345,11 @@ def lost(
     """Return the tags of the points lost when the named cables and devices fail together."""
     failed: list[list[int]] = []
     unknown: list[str] = []
-    for what, names, known in (
+    for what, names, all_names in (
         ("cable", cables, design.cables["run"]),
         ("device", devices, design.devices["device"]),
     ):
-        number = {name: n for n, name in enumerate(known)}
+        number = {name: n for n, name in enumerate(all_names)}
         unknown += [f"{what} {name!r}" for name in names if name not in number]
         failed.append([number[name] for name in names if name in number])
     if unknown:
@@ -360,6 +360,6 @@ def lost(
 
 def worst(failures: pd.DataFrame) -> pd.DataFrame:
     """Return the failure of each kind with the most points lost, excluding cabinet failure."""
-    rest = failures[failures["kind"] != "cabinet"]
-    ranked = rest.sort_values("points_lost", ascending=False, kind="stable")
+    others = failures[failures["kind"] != "cabinet"]
+    ranked = others.sort_values("points_lost", ascending=False, kind="stable")
     return ranked.drop_duplicates("failure").reset_index(drop=True)

@@ -119,7 +119,7 @@ class IoList(PointTable):
         values, rules = Settings.of(settings), RuleSet.of(rules)
         site, remark = site_of(self, cabinet, values)
         ways = OPTIONS if options is None else options
-        each = [(option, None) for option in ways] + [("home runs", mix)] * bool(mix)
+        each = [(option, None) for option in ways] + ([("home runs", mix)] if mix else [])
         tell = teller(progress)
         designs: list[Design] = []
         for option, choose in each:
@@ -167,8 +167,8 @@ class IoList(PointTable):
         for point, rows in zip(points, spread(case, points, workers, progress), strict=True):
             table = pd.DataFrame(rows)
             # A value may be a range or several bit rates; each row contains the whole value.
-            given = {name: [value] * len(table) for name, value in point.items()}
-            tables.append(table.assign(**given)[[*point, *table.columns]])
+            point_columns = {name: [value] * len(table) for name, value in point.items()}
+            tables.append(table.assign(**point_columns)[[*point, *table.columns]])
         joined: pd.DataFrame = pd.concat(tables, ignore_index=True)
         return joined
 
@@ -196,8 +196,8 @@ def _case(
     """Return the table of a comparison with some settings; other processes can unpickle it."""
     settings = start.replace(point)
     site = replace(site, detour=settings.detour, tails=settings.tails)
-    found = iolist.compare(site, options, settings=settings, rules=rules, progress=False)
-    return found.table().reset_index().to_dict("list")
+    comparison = iolist.compare(site, options, settings=settings, rules=rules, progress=False)
+    return comparison.table().reset_index().to_dict("list")
 
 
 def read_iolist(

@@ -44,14 +44,14 @@ class Site:
         return np.asarray(np.abs(_places("a", a) - _places("b", b)).sum(axis=-1))
 
 
-def _places(name: str, given: ArrayLike) -> Floats:
+def _places(name: str, values: ArrayLike) -> Floats:
     """Return positions as an array (..., 3), or raise ArgumentError."""
     try:
-        places = np.asarray(given, dtype=np.float64)
+        places = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
         places = np.zeros(0)
     if places.shape[-1:] != (3,):
-        raise ArgumentError(f"{name} is {given!r}; it must be an array of shape (..., 3)")
+        raise ArgumentError(f"{name} is {values!r}; it must be an array of shape (..., 3)")
     if np.isinf(places).any():
         raise ArgumentError(f"{name} has an infinite coordinate; each must be finite or NaN")
     return places
@@ -95,16 +95,16 @@ def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0
     from scipy.spatial.distance import cdist  # slow to import, and used only here
 
     length = iolist.points["home_run_m"].to_numpy(float)
-    known = np.isfinite(length) & iolist.located
-    if known.sum() < _FEWEST:
+    measured = np.isfinite(length) & iolist.located
+    if measured.sum() < _FEWEST:
         raise ArgumentError(
-            f"{known.sum()} points of {iolist.source} have a position and a length to the cabinet; "
-            f"{_FEWEST} are needed to find the cabinet"
+            f"{measured.sum()} points of {iolist.source} have a position and a length to the "
+            f"cabinet; {_FEWEST} are needed to find the cabinet"
         )
-    places, wanted = iolist.places[known], length[known]
+    places, lengths = iolist.places[measured], length[measured]
 
     def off(cabinets: Floats) -> Floats:
-        return np.asarray(np.abs(detour * cdist(cabinets, places, "cityblock") + tails - wanted))
+        return np.asarray(np.abs(detour * cdist(cabinets, places, "cityblock") + tails - lengths))
 
     # There are many local minima: search the whole ship, then refine around the best positions.
     centres = places.mean(axis=0, keepdims=True)
@@ -117,43 +117,43 @@ def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0
         centres = tried[loss.argsort(kind="stable")[:_KEPT]]
         reach, count = reach * (2 / count), _NEXT
     x, y, z = (round(float(value), 1) + 0.0 for value in centres[0])
-    place = np.array([x, y, z])
-    misfits = off(place[None])[0]
+    cabinet = np.array([x, y, z])
+    misfits = off(cabinet[None])[0]
     # A coordinate of the cabinet is determined if there are points on both sides of it.
-    side = places[misfits <= max(float(np.median(misfits)), _ROUNDED)] - place
+    side = places[misfits <= max(float(np.median(misfits)), _ROUNDED)] - cabinet
     held = ((side < -_ROUNDED).any(axis=0)) & ((side > _ROUNDED).any(axis=0))
     flat = np.ptp(places, axis=0) < _ROUNDED
     settled = bool((~held).sum() <= 1 and not (flat & ~held).any())
-    return Found((x, y, z), float(np.median(misfits)), int(known.sum()), settled)
+    return Found((x, y, z), float(np.median(misfits)), int(measured.sum()), settled)
 
 
 def site_of(iolist: PointTable, cabinet: Where, settings: Settings) -> tuple[Site, str]:
     """Return the site of a list, and a remark if `cabinet` is None, otherwise ""."""
     if isinstance(cabinet, Site):
         return cabinet, ""
-    place, remark = cabinet, ""
+    position, remark = cabinet, ""
     if isinstance(cabinet, str):
         try:
             x, y, z = map(float, cabinet.replace(";", ",").split(","))
-            place = Site((x, y, z)).cabinet
+            position = Site((x, y, z)).cabinet
         except ValueError:
             raise ArgumentError(
                 f"cabinet is {cabinet!r}; it must be three numbers x, y, z in m, such as 26,6,14"
             ) from None
     elif cabinet is None:
-        place, remark = (0.0, 0.0, 0.0), "the list gives every cable length to the cabinet"
+        position, remark = (0.0, 0.0, 0.0), "the list gives every cable length to the cabinet"
         if lost := int(iolist.points["home_run_m"].isna().sum()):
             remark = f"{lost} of {len(iolist)} points have neither a position nor a length"
         if iolist.located.any() or np.isfinite(iolist.box_places).any():
             try:
-                found = find_cabinet(iolist)
+                fit = find_cabinet(iolist)
             except ArgumentError as mistake:
                 raise ArgumentError(
                     f"cabinet is not given, and {mistake}; give its position x, y, z in m, such "
                     "as 26,6,14"
                 ) from None
-            place, remark = found.place, str(found)
-    return Site(place, settings.detour, settings.tails), remark  # type: ignore[arg-type]
+            position, remark = fit.place, str(fit)
+    return Site(position, settings.detour, settings.tails), remark  # type: ignore[arg-type]
 
 
 # The tables of a design: points, devices, cables, segments, and reasons -----------------------
@@ -213,7 +213,7 @@ class Layout:
         for table in COLUMNS:
             object.__setattr__(self, table, frame(table, getattr(self, table)))
         if "at" not in self.devices.columns:
-            inside = self.devices["kind"].isin(["master", "gateway"])
+            inside = self.devices["kind"] == "master"
             self.devices["at"] = inside.map({True: self.cabinet, False: ""})
         if "line" not in self.devices.columns:
             self.devices["line"] = ""

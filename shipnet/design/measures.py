@@ -65,9 +65,9 @@ class Facts:
     @cached_property
     def cables(self) -> pd.DataFrame:
         """The cables of the data links, with their loop resistance [ohm/m]."""
-        runs, known = self.design.cables, cables()
+        runs, types = self.design.cables, cables()
         runs = runs[runs["segment"].isin(self.links["segment"])]
-        return runs.assign(ohms=[known[name].resistance for name in runs["cable"]])
+        return runs.assign(ohms=[types[name].resistance for name in runs["cable"]])
 
     @property
     def buses(self) -> list[str]:
@@ -123,17 +123,17 @@ def _response(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         return _NO_POINT
     # A hardwired point responds at once.
     times = points["response_ms"].where(points["bus"] != "hardwired", 0.0) / 1e3
-    known = times.dropna()
-    missing = len(times) - len(known)
-    if known.empty:
+    available = times.dropna()
+    missing = len(times) - len(available)
+    if available.empty:
         return Outcome(nan, why=f"no response time is known (points: {missing})")
     added = facts.host_time if host else 0.0
-    worst: Any = known.idxmax()
-    parts = [f"{known[worst]:.3g} s to the host"]
+    worst: Any = available.idxmax()
+    parts = [f"{available[worst]:.3g} s to the host"]
     parts += [f"{added:g} s in the host, assumed"] if host else []
     parts += [f"{missing} points have no response time"] if missing else []
     where: Any = points.loc[worst, "segment"] or points.loc[worst, "tag"]
-    return Outcome(float(known[worst] + added), str(where), "; ".join(parts), missing > 0)
+    return Outcome(float(available[worst] + added), str(where), "; ".join(parts), missing > 0)
 
 
 @_measure("late points", "points", "points slower than the list requires")
@@ -261,8 +261,8 @@ def _lines(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 @_measure("links without a standard", "links", "buses without an open standard")
 def _standard(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     without = [bus for bus in facts.buses if bus not in STANDARDS]
-    known = [f"{bus}: {STANDARDS[bus][0]}" for bus in facts.buses if bus in STANDARDS]
-    return Outcome(len(without), ", ".join(without), "; ".join(known) or "no data link")
+    standards = [f"{bus}: {STANDARDS[bus][0]}" for bus in facts.buses if bus in STANDARDS]
+    return Outcome(len(without), ", ".join(without), "; ".join(standards) or "no data link")
 
 
 @_measure("bit errors unseen", "patterns", "patterns of one or two wrong bits that a CRC misses")
@@ -294,11 +294,11 @@ def _fed(value: Callable[[pd.DataFrame], pd.Series[float]]) -> _Compute:
 
     def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         supplies, devices = facts.fed
-        known = cables()
+        types = cables()
         cable = facts.design.cables.set_index("run")["cable"]
         table = devices.assign(
             source_v=devices["supply"].map(supplies.set_index("supply")["voltage_v"]),
-            most_a=devices["run"].map(cable.map(lambda name: known[name].current)),
+            most_a=devices["run"].map(cable.map(lambda name: types[name].current)),
         )
         return _largest(value(table), table["device"], "no supply feeds any device")
 

@@ -164,9 +164,9 @@ def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> In
         late = response(_ANALOGUE, Cycle(), limits, channels=number)
         least[analogue] = late
         channels[analogue & (need >= late) & (channels == 0)] = number
-    for place in np.flatnonzero(channels == 0):
+    for index in np.flatnonzero(channels == 0):
         words = "even on an AS-i module of its own, its response takes"
-        draft.too_slow(rows[place], float(least[place]), words)
+        draft.too_slow(rows[index], float(least[index]), words)
     return channels
 
 
@@ -426,8 +426,8 @@ def build(
     most = [float(min(need[module.rows])) for module in group]
     labels = assign_addresses(len(group), shares=[module.shares for module in group], need=most)
     slaves = [
-        Slave(label, module.profile, node=str(place), current=module.current)
-        for place, (label, module) in enumerate(zip(labels, group, strict=True), 1)
+        Slave(label, module.profile, node=str(node), current=module.current)
+        for node, (label, module) in enumerate(zip(labels, group, strict=True), 1)
     ]
     paired = {slave.address for slave in slaves if slave.half == "B"}
     drawn = draw(ways, cable, limits)
@@ -487,25 +487,25 @@ def plan_asi(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
     """
     limits = draft.settings.asi
     places = np.where(draft.iolist.located[:, None], draft.places, draft.iolist.box_places)
-    known = np.isfinite(places[rows]).all(axis=1)
-    without_place(draft, rows[~known])
-    rows = rows[known]
+    located = np.isfinite(places[rows]).all(axis=1)
+    without_place(draft, rows[~located])
+    rows = rows[located]
     all_modules = modules(draft, rows, places[rows])
     spots = np.array([draft.middle, *(module.place for module in all_modules)])
 
     def judge(group: Sequence[int]) -> tuple[Line | None, float]:
-        chosen = [all_modules[place] for place in group]
+        chosen = [all_modules[index] for index in group]
         sharing = sum(module.shares for module in chosen)
         needed = len(chosen) - sharing + ceil(sharing / 2)
         if needed > ADDRESSES:
             return None, needed / ADDRESSES
-        at = spots[[0, *(place + 1 for place in group)]]
+        at = spots[[0, *(index + 1 for index in group)]]
         ways = draft.site.route(at[:, None], at[None, :])
         line = build(chosen, ways, draft.site.length(ways), draft.need, limits)
         return line, 1 if line.exceeded is None else inf
 
     number = draft.segments("AS-i")
-    for _, line in divided(range(len(all_modules)), lambda place: all_modules[place].place, judge):
+    for _, line in divided(range(len(all_modules)), lambda index: all_modules[index].place, judge):
         assert line is not None
         if line.exceeded is None:
             number += 1

@@ -47,8 +47,8 @@ def _served(
             continue
         need = draft.need[box.rows]
         least, words = alone(box, length)
-        for place in np.flatnonzero(least > need):
-            draft.too_slow(box.rows[place], float(least[place]), words)
+        for index in np.flatnonzero(least > need):
+            draft.too_slow(box.rows[index], float(least[index]), words)
         if (least <= need).any():
             served.append(box.part(np.flatnonzero(least <= need)))
     return served
@@ -164,8 +164,8 @@ def _segment(draft: Draft, group: Sequence[Box], longest: float) -> tuple[_Segme
     share, trunk = limits.period_share, route_past(draft, group)
     rate = bit_rate_for(min(trunk.length, longest), limits.bit_rates) or min(limits.bit_rates)
     packed = [
-        (message, place)
-        for place, box in enumerate(group)
+        (message, index)
+        for index, box in enumerate(group)
         for message in pack([draft.types[row] for row in box.rows], draft.need[box.rows])
     ]
     # Deadline-monotonic priorities: each deadline is the same fraction of the required time.
@@ -184,9 +184,9 @@ def _segment(draft: Draft, group: Sequence[Box], longest: float) -> tuple[_Segme
                 message.dlc,
                 period=share * message.need,
                 deadline=(1 - share) * message.need,
-                sender=str(place),
+                sender=str(index),
             )
-            for number, (message, place) in enumerate(packed, 1)
+            for number, (message, index) in enumerate(packed, 1)
         )
         answers = response_times(messages, rate)
         responses = [answer.response for answer in answers]
@@ -242,14 +242,14 @@ def plan_modbus(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
     for number, (group, loop) in enumerate(loops, 1 + draft.segments("Modbus RTU")):
         assert loop is not None
         name, order = f"Modbus {number}", loop.trunk.order
-        ordered = [group[place] for place in order]
+        ordered = [group[index] for index in order]
         names = lay(
             draft, name, "Modbus", ordered, loop.trunk, limits.cable, loop.repeaters, doubled
         )
-        for unit, (place, device) in enumerate(zip(order, names, strict=True), 1):
-            box = group[place]
+        for unit, (index, device) in enumerate(zip(order, names, strict=True), 1):
+            box = group[index]
             addresses = registers_of([draft.types[row] for row in box.rows])[0]
-            response = loop.scan + loop.longest[place]
+            response = loop.scan + loop.longest[index]
             for row, length, where in zip(box.rows, box.lengths, addresses, strict=True):
                 draft.connect(int(row), "Modbus RTU", name, device, f"{unit} {where}", response)
                 draft.drop(int(row), device, box.place, name, float(length))
@@ -276,11 +276,11 @@ def registers_of(types: Sequence[str]) -> tuple[list[str], list[Request]]:
     numbers = []
     for analogue, digital, what in (("AI", "DI", "input"), ("AO", "DO", "holding")):
         values, states = np.flatnonzero(kinds == analogue), np.flatnonzero(kinds == digital)
-        for number, place in enumerate(values):
-            addresses[place] = f"{what} register {number}"
-        for number, place in enumerate(states):
+        for number, index in enumerate(values):
+            addresses[index] = f"{what} register {number}"
+        for number, index in enumerate(states):
             register = len(values) + number // _STATES
-            addresses[place] = f"{what} register {register} bit {number % _STATES}"
+            addresses[index] = f"{what} register {register} bit {number % _STATES}"
         numbers.append(len(values) + -(-len(states) // _STATES))
     inputs, outputs = numbers
     requests: list[Request] = [
@@ -298,13 +298,13 @@ def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[i
     """Return the stations after which a trunk needs a repeater, or None if a hop is too long."""
     repeaters: list[int] = []
     loads, laid = 1, 0.0
-    for place, hop in enumerate(hops):
+    for index, hop in enumerate(hops):
         if hop > length:
             return None
         # Leave room for a repeater unless this is the last station.
-        last = place == len(hops) - 1
+        last = index == len(hops) - 1
         if laid + hop > length or loads + 1 > unit_loads - (not last):
-            repeaters.append(place - 1)
+            repeaters.append(index - 1)
             loads, laid = 1, 0.0
         loads, laid = loads + 1, laid + hop
     return repeaters

@@ -28,12 +28,12 @@ from shipnet.fields import check_choice
 
 def plan_home_runs(draft: Draft, rows: Indices) -> None:
     """Connect each point to the cabinet by a cable of its own."""
-    given = draft.given_lengths("home_run_m")
-    known = np.isfinite(given) | draft.iolist.located
-    without_place(draft, rows[~known[rows]])
-    for row in rows[known[rows]]:
+    lengths = draft.given_lengths("home_run_m")
+    located = np.isfinite(lengths) | draft.iolist.located
+    without_place(draft, rows[~located[rows]])
+    for row in rows[located[rows]]:
         wires = int(draft.wires[row])
-        laid = Laid(draft.middle, draft.spots[row], length=float(given[row]))
+        laid = Laid(draft.middle, draft.spots[row], length=float(lengths[row]))
         ends = draft.cabinet, draft.tags[row]
         draft.run("home run", ends, laid, smallest(wires, spare=0), wires)
         draft.connect(row, "hardwired", "", draft.cabinet, "", 0.0)
@@ -129,9 +129,9 @@ def plan(
     chosen = np.full(len(iolist), option, dtype=object)
     left = set(choose)
     for column in reversed(_BY) if choose else ():
-        given = iolist.points[column]
-        left -= set(given)
-        named = given.map(lambda value: choose.get(value, ""))
+        column_values = iolist.points[column]
+        left -= set(column_values)
+        named = column_values.map(lambda value: choose.get(value, ""))
         chosen = np.where(named != "", named, chosen)
     if left:
         raise ArgumentError(

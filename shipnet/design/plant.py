@@ -129,8 +129,8 @@ class Plant:
     def _rows(self) -> pd.DataFrame:
         """One row per module: position on its line, x, module name and segment name."""
         number = np.arange(self.modules)
-        line, place = number % self.lines, number // self.lines
-        rows = pd.DataFrame({"place": place, "x_m": self.distance + self.spacing * place})
+        line, along = number % self.lines, number // self.lines
+        rows = pd.DataFrame({"place": along, "x_m": self.distance + self.spacing * along})
         rows["device"] = [f"module {n}" for n in number + 1]
         return rows.assign(segment=[f"line {n}" for n in line + 1])
 
@@ -225,5 +225,5 @@ def _runs(
 def _device(
     name: str, kind: str, segment: object = "", x: float = 0.0, at: str = ""
 ) -> dict[str, object]:
-    place = {"x_m": x, "y_m": 0.0, "z_m": 0.0}
-    return {"device": name, "kind": kind, "segment": segment, "at": at, **place}
+    xyz = {"x_m": x, "y_m": 0.0, "z_m": 0.0}
+    return {"device": name, "kind": kind, "segment": segment, "at": at, **xyz}

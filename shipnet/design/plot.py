@@ -66,8 +66,8 @@ def _plot_hardwired(
     height = len(devices)
     for row, (device, points) in enumerate(devices):
         spread = 0.62 / max(len(points) - 1, 1)
-        for place, point in enumerate(points.itertuples()):
-            y = -row + 0.31 - place * spread
+        for number, point in enumerate(points.itertuples()):
+            y = -row + 0.31 - number * spread
             conductors = SIGNALS[str(point.signal)].conductors
             for conductor in range(conductors):
                 offset = 0.05 * (conductor - (conductors - 1) / 2)
@@ -77,8 +77,8 @@ def _plot_hardwired(
             white = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
             ax.text(7.7, y, words, ha="right", va="center", color="0.25", bbox=white)
     shared = [kind for kind in counts if SIGNALS[kind].common]
-    for place, kind in enumerate(shared):
-        y = -height + 0.45 - 0.12 * place
+    for number, kind in enumerate(shared):
+        y = -height + 0.45 - 0.12 * number
         ax.plot([1.66, 7.94], [y, y], color="0.25", linewidth=0.9, linestyle="--")
         ax.text(7.8, y + 0.02, f"return of {kind}", ha="right", va="bottom")
     conductors = hardwired_conductors(counts)
@@ -135,14 +135,14 @@ def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None
     at, best = table.to_numpy(float), table.index.isin(list(pareto))
     front = at[best][np.lexsort(at[best].T[::-1])]
     ax.plot(*front.T, color="C0", linewidth=1, drawstyle="steps-post", zorder=1)
-    for place, filled in zip(at[:, :, None], best, strict=True):
+    for xy, filled in zip(at[:, :, None], best, strict=True):
         face, order = ("C0", 3) if filled else ("white", 2)
-        ax.plot(*place, "o", markersize=7, color="C0", markerfacecolor=face, zorder=order)
-    for names, place, left, below in _labels(table.dropna().astype(float)):
+        ax.plot(*xy, "o", markersize=7, color="C0", markerfacecolor=face, zorder=order)
+    for names, xy, left, below in _labels(table.dropna().astype(float)):
         # Each label is on the side with more room, and below its dot if another label is above.
         ha, right = ("right", -6) if left else ("left", 6)
         va, up = ("top", -5) if below else ("bottom", 5)
-        ax.annotate(names, place, (right, up), textcoords="offset points", ha=ha, va=va)
+        ax.annotate(names, xy, (right, up), textcoords="offset points", ha=ha, va=va)
     ax.set(xlabel=x, ylabel=y)
     ax.margins(0.15)
     return ax

@@ -86,17 +86,17 @@ class Points(Cells):
     def arrange(self, rows: Sequence[tuple[int, list[str]]]) -> None:
         """Read the column of types as that of signals if it contains some, such as Pt100."""
         if "signal" not in self.places and len(self.places.get("type", ())) == 1:
-            (place,) = self.places["type"]
-            entries = {clean(widened(row[place])) for _, row in rows if place < len(row)}
+            (column,) = self.places["type"]
+            entries = {clean(widened(row[column])) for _, row in rows if column < len(row)}
             others = (word for word in entries if plain(word) not in spellings("type"))
             if any(map(meanings, map(self.reading.signal, others))):
                 self.places["signal"] = self.places.pop("type")
         sides = self.places.get("side", [])
-        far = [place for place in sides if _DISTANCE.search(self.titles[place])]
+        far = [column for column in sides if _DISTANCE.search(self.titles[column])]
         if len(sides) == 2 and len(far) == 1 and "y_m" not in self.places:
             # One column has the side and the other the distance.
             self.places["y_m"] = far
-            self.places["side"] = [place for place in sides if place not in far]
+            self.places["side"] = [column for column in sides if column not in far]
             distance = self.column_of(self.titles[far[0]])
             self.units["y_m"] = distance.unit if distance else ""
         positions = [title for title in self.unused if _PLACE_WORD.search(title)]
@@ -198,30 +198,30 @@ def _place_by_frames(cells: Points, numbers: dict[str, Floats]) -> None:
     computed = [axis for axis in ("x_m", "z_m") if axis not in cells.places] if columns else []
     if computed:
         rows = list(zip(*(map(widened, cells[name]) for name in columns), strict=True))
-        given = np.array([any(row) for row in rows], dtype=bool)
+        stated = np.array([any(row) for row in rows], dtype=bool)
         reading = cells.reading
         tables = {"x_m": reading.frames, "z_m": reading.decks}
         if not all(tables[axis] for axis in computed):
             statement = (
                 "not placed by frame and deck; the settings do not define both [frames] and [decks]"
             )
-            cells.doubt(statement, given)
+            cells.doubt(statement, stated)
             return
         cells_of = {row: dict(zip(columns, row, strict=True)) for row in set(rows)}
-        known = {row: _placed(reading, cells_of[row], computed) for row in cells_of}
-        for place in np.flatnonzero(given).tolist():
-            axes = known[rows[place]]
+        coordinates = {row: _placed(reading, cells_of[row], computed) for row in cells_of}
+        for index in np.flatnonzero(stated).tolist():
+            axes = coordinates[rows[index]]
             if isinstance(axes, str):
-                cells.wrong([place], axes if axes in columns else "location", PLACED[axes])
+                cells.wrong([index], axes if axes in columns else "location", PLACED[axes])
                 continue
             for name, value in axes.items():
-                if name != "y_m" or np.isnan(numbers[name][place]):
-                    numbers[name][place] = value
+                if name != "y_m" or np.isnan(numbers[name][index]):
+                    numbers[name][index] = value
         statement = ", ".join(axis[0] for axis in computed)
         cells.remarks.append(Remark(f"computed from frame and deck: {statement}", detail=True))
         for axis in cells.places.keys() & {*_POSITION}:
-            alone = np.flatnonzero(cells.given(axis) & ~given).tolist()
-            empty = np.flatnonzero(given & ~cells.given(axis)).tolist()
+            alone = np.flatnonzero(cells.given(axis) & ~stated).tolist()
+            empty = np.flatnonzero(stated & ~cells.given(axis)).tolist()
             cells.wrong(alone, columns[0], f"{PLACED[columns[0]]}, because {axis[0]} is given")
             cells.wrong(empty, axis, "a number, because the frame or the deck is given")
     if "y_m" not in cells.places:
@@ -255,8 +255,8 @@ def _check_partly(cells: Points, names: Sequence[str]) -> Bools:
     for row in np.flatnonzero(have.any(axis=1) & ~have.all(axis=1)).tolist():
         missing = [name for name, one in zip(names, have[row], strict=True) if not one]
         titles = " and ".join(map(cells.title, missing))
-        wanted = ", ".join(map(cells.title, names))
-        cells.fault(row, missing[0], f", column {titles}: is empty; expected {wanted}, or none")
+        required = ", ".join(map(cells.title, names))
+        cells.fault(row, missing[0], f", column {titles}: is empty; expected {required}, or none")
     return have
 
 
@@ -334,7 +334,7 @@ def points_of(
         statement = f"{which} no update time; the one in the settings is used, by default 1000 ms"
         cells.remarks.append(Remark(statement))
     # The printable text of all note columns.
-    notes = [cleaned(cells.column(place)) for place in cells.places.get("note", [])]
+    notes = [cleaned(cells.column(column)) for column in cells.places.get("note", [])]
     together = ["; ".join(filter(None, n)) for n in zip(*notes, strict=True)] if notes else ""
     if not "".join(together).isprintable():
         together = ["".join(filter(str.isprintable, note)) for note in together]
@@ -386,13 +386,13 @@ def _safety(cells: Points) -> list[str]:
         remark = f"{title} {cited} read as {'' if safe else 'not '}intrinsically safe"
         remark += "" if sure else ", but does not say so clearly"
         cells.remarks.append(Remark(remark, rows, doubt=not sure, detail=sure))
-    known = {text: "IS" if text in is_yes else text for text, (safe, _) in read.items() if safe}
-    return [known.get(text, "") for text in texts]
+    meaning = {text: "IS" if text in is_yes else text for text, (safe, _) in read.items() if safe}
+    return [meaning.get(text, "") for text in texts]
 
 
-def _look_up(cells: Points, name: str, known: Mapping[str, str], expected: str) -> list[str]:
+def _look_up(cells: Points, name: str, words: Mapping[str, str], expected: str) -> list[str]:
     """Return the meaning of each cell of a column, "" if empty; unknown cells are faults."""
-    meaning = {cell: known.get(plain(widened(cell)), "") for cell in set(cells[name])}
+    meaning = {cell: words.get(plain(widened(cell)), "") for cell in set(cells[name])}
     rows = [row for row, cell in enumerate(cells[name]) if cell and not meaning[cell]]
     cells.wrong(rows, name, expected)
     return [meaning[cell] for cell in cells[name]]
@@ -401,17 +401,17 @@ def _look_up(cells: Points, name: str, known: Mapping[str, str], expected: str) 
 def _signals(cells: Points, kinds: list[str], safety: list[str]) -> list[str]:
     """Return the signal of each point, and add intrinsic-safety markings to `safety`."""
     # A list has few distinct signals, so each is looked up once.
-    known: dict[tuple[str, str, str, str], tuple[str, str, list[tuple[str, str]]]] = {}
+    cache: dict[tuple[str, str, str, str], tuple[str, str, list[tuple[str, str]]]] = {}
     signals: list[str] = []
     taken: dict[tuple[str, str], list[int]] = {}
     words = cleaned([*map(widened, cells["signal"])])
     points = zip(words, cells["type"], kinds, cells["conductors"], strict=True)
     for row, point in enumerate(points):
-        if point not in known:
+        if point not in cache:
             bare, safe = without_safety(cells.reading.signal(point[0]))
             signal, faults = _signal(bare, *point[1:])
-            known[point] = signal, safe, faults
-        signal, safe, faults = known[point]
+            cache[point] = signal, safe, faults
+        signal, safe, faults = cache[point]
         for column, text in faults:
             cells.fault(row, column, f", column {cells.title(column)}: {text}")
         signals.append(signal)
@@ -433,7 +433,7 @@ def _input_of(word: str) -> str:
     return next((k for k in kinds if k[1] == "I"), "") if {k[1] for k in kinds} == {*"IO"} else ""
 
 
-def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tuple[str, str]]]:
+def _signal(word: str, text: str, kind: str, count: str) -> tuple[str, list[tuple[str, str]]]:
     """Return a point's signal, given or inferred from its type, and its faults by column.
 
     A type such as SERIAL is a signal, and stands for the type of this signal.
@@ -446,9 +446,10 @@ def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tup
     if count and not conductors:
         faults.append(("conductors", f"{count!r}; expected a whole number 1..9999"))
     if not word and not kind:
-        # An unknown type is already recorded as a fault.
-        none = [("signal", f"is empty; expected one of {', '.join(SIGNALS)}, or a type")]
-        return "contact", faults + none * (not given)
+        if not text:  # an unknown type is already recorded as a fault
+            expected = f"is empty; expected one of {', '.join(SIGNALS)}, or a type"
+            faults.append(("signal", expected))
+        return "contact", faults
     try:
         signal = find_signal(word or kind, kind or _input_of(word), conductors)
     except ArgumentError as error:
@@ -458,7 +459,7 @@ def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tup
         return "contact", [*faults, ("signal", f"is empty; expected one of {alike}")]
     entry = SIGNALS[signal]
     if (kind and entry.kind != kind) or (named and named != signal):
-        faults.append(("type", f"{given!r}; expected {entry.kind} for the signal {signal}"))
+        faults.append(("type", f"{text!r}; expected {entry.kind} for the signal {signal}"))
     if conductors and entry.conductors != conductors:
         expected = f"expected {entry.conductors} for the signal {signal}"
         faults.append(("conductors", f"{count!r}; {expected}"))

@@ -68,12 +68,12 @@ def table(
     """Return a table."""
     right, judged = set(numbers), set(verdicts)
 
-    def cell(tag: str, place: int, value: str) -> str:
-        kinds = ["n"] * (place in right)
+    def cell(tag: str, column: int, value: str) -> str:
+        kinds = ["n"] if column in right else []
         if tag == "td":
-            # A short value is not wrapped, even in a narrow column.
-            kinds += ["k"] * (0 < len(value) <= _SHORT)
-            if place in judged:
+            if 0 < len(value) <= _SHORT:
+                kinds.append("k")  # a short value is not wrapped, even in a narrow column
+            if column in judged:
                 kinds += [kind for word, kind in _VERDICTS.items() if value.startswith(word)]
         named = f' class="{" ".join(kinds)}"' if kinds else ""
         scope = ' scope="col"' if tag == "th" else ""

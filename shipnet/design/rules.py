@@ -157,8 +157,8 @@ class RuleSet:
             raise ArgumentError(
                 f"rules is {rules!r}; it must be one of {', '.join(RULE_SETS)}, or a file"
             )
-        wanted = (rules, "IMO") if rules in _WITH_IMO else (rules,)
-        return cls(tuple(rule for rule in _published() if rule.rule_set in wanted))
+        rule_sets = (rules, "IMO") if rules in _WITH_IMO else (rules,)
+        return cls(tuple(rule for rule in _published() if rule.rule_set in rule_sets))
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> RuleSet:

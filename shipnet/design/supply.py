@@ -125,8 +125,8 @@ def forest(design: Layout) -> Forest:
     feeder, trunk = ((runs["kind"] == kind).to_numpy() for kind in ("feeder", "trunk"))
     laid = np.flatnonzero(feeder | (trunk & run_asi))
     a, b = (runs[end].iloc[laid].map(index).to_numpy(np.intp) for end in "ab")
-    # A feeder from the cabinet is either mains to a supply or a data link to a gateway.
-    kept = ~(feeder[laid] & np.isin(kinds, ("cabinet", "gateway"))[np.stack([a, b])].any(axis=0))
+    # A feeder from the cabinet brings mains to a supply.
+    kept = ~(feeder[laid] & (kinds == "cabinet")[np.stack([a, b])].any(axis=0))
     laid, a, b = laid[kept], a[kept], b[kept]
     outputs = feeder[laid] & run_asi[laid]
     # Each line of a doubled AS-i segment has its own devices, so both lines are in layer 0.
@@ -140,8 +140,8 @@ def forest(design: Layout) -> Forest:
     segments = list(zip(devices["segment"], devices["line"], strict=True))
     master = {segments[number]: number for number in np.flatnonzero(kinds == "master").tolist()}
     beside = [
-        master.get(segment, place) if place >= 0 and kinds[place] == "cabinet" else place
-        for segment, place in zip(segments, at.tolist(), strict=True)
+        master.get(segment, device) if device >= 0 and kinds[device] == "cabinet" else device
+        for segment, device in zip(segments, at.tolist(), strict=True)
     ]
     supply = _roots(kinds, beside, on_asi, u, v)
 
@@ -155,9 +155,9 @@ def forest(design: Layout) -> Forest:
     run[v[parent[v] == u]], run[u[parent[u] == v]] = laid[parent[v] == u], laid[parent[u] == v]
     root, levels = _rooted(parent, order[order < nodes].astype(np.intp))
 
-    known = cables()
+    types = cables()
     each = [
-        CABLES[known[name].line].resistance if of_trunk else known[name].resistance
+        CABLES[types[name].line].resistance if of_trunk else types[name].resistance
         for name, of_trunk in zip(runs["cable"].iloc[laid], trunk[laid], strict=True)
     ]
     ohms, metres = np.zeros(len(runs) + 1), np.append(runs["length_m"].to_numpy(float), 0.0)
@@ -230,7 +230,7 @@ def _loads(
 ) -> tuple[Floats, Floats, Bools]:
     """Return each node's load [A], voltage drop to its worst point [V], and whether it has 24 V."""
     settings, limits, count = design.settings, design.settings.supply, len(kinds)
-    listed, known = design.iolist.points, cables()
+    listed, cable_types = design.iolist.points, cables()
     load, spur = np.zeros((2, _LAYERS * count))
     # A point on doubled AS-i lines loads both.
     drops = design.cables[design.cables["kind"] == "drop"]
@@ -247,7 +247,7 @@ def _loads(
     np.add.at(load, device[loops], limits.loop)
     fed = (np.where(asi, _OUTPUTS, 0) * count + device)[~from_line]
     lost = amps * drops["length_m"].to_numpy(np.float64)
-    lost *= np.array([known[name].resistance for name in drops["cable"]], np.float64)
+    lost *= np.array([cable_types[name].resistance for name in drops["cable"]], np.float64)
     np.add.at(load, fed, (amps * share)[~from_line])
     np.maximum.at(spur, fed, lost[~from_line])
     load[:count][kinds == "station"] += limits.station
@@ -361,10 +361,10 @@ def _spent(
 
 def feeders_of(thinnest: str) -> list[Cable]:
     """Return a cable and all thicker single-pair cables, in order of cross-section."""
-    known = cables()
-    pairs = [c for c in known.values() if "hardwired" in c.buses and c.conductors == 2]
-    thicker = [cable for cable in pairs if cable.section > known[thinnest].section]
-    return [known[thinnest], *sorted(thicker, key=lambda cable: cable.section)]
+    types = cables()
+    pairs = [c for c in types.values() if "hardwired" in c.buses and c.conductors == 2]
+    thicker = [cable for cable in pairs if cable.section > types[thinnest].section]
+    return [types[thinnest], *sorted(thicker, key=lambda cable: cable.section)]
 
 
 def _cuts(
@@ -405,18 +405,18 @@ def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
     of_line = (line & (devices["kind"] == "supply"))[is_supply]
     limits, asi = design.settings.supply, design.settings.asi
     current = {supply: flow[root] for root, supply in trees.supply.items()}
-    given = devices[is_supply].assign(
+    supplies = devices[is_supply].assign(
         voltage_v=np.where(of_line, asi.voltage, limits.voltage),
         rating_a=np.where(of_line, asi.rating, limits.rating),
         current_a=pd.Series(current, dtype=float),
     )
-    given = given.fillna({"current_a": 0.0})
+    supplies = supplies.fillna({"current_a": 0.0})
 
     nodes = np.sort(trees.fed)
     supply = [trees.supply[root] for root in trees.root[nodes].tolist()]
-    source, cable_rows = given.loc[supply], runs.iloc[trees.run[nodes]]
+    source, cable_rows = supplies.loc[supply], runs.iloc[trees.run[nodes]]
     volts = source["voltage_v"].to_numpy(float)
-    spur, known = trees.spur[nodes], cables()
+    spur, types = trees.spur[nodes], cables()
     table = pd.DataFrame(
         {
             "device": devices["device"].to_numpy(object)[trees.device[nodes]],
@@ -425,7 +425,7 @@ def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
             "supply": source["device"].to_numpy(object),
             "run": cable_rows["run"].to_numpy(object),
             "length_m": cable_rows["length_m"].to_numpy(float),
-            "cross_section_mm2": [known[name].section for name in cable_rows["cable"]],
+            "cross_section_mm2": [types[name].section for name in cable_rows["cable"]],
             "load_a": trees.load[nodes],
             "current_a": flow[nodes],
             "voltage_v": volts - drop[nodes],
@@ -440,9 +440,9 @@ def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
     feeding = feeding.join(worst[["device", "lowest_v", "needed_v"]])
     feeding = feeding.rename(columns={"device": "worst_device"})
     feeding = feeding.assign(devices=table["supply"].value_counts())
-    given = given.rename(columns={"device": "supply"}).join(feeding, on="supply")
-    given = given.assign(drop_v=given["voltage_v"] - given["lowest_v"])
-    return given[_SUPPLIES].reset_index(drop=True), table
+    supplies = supplies.rename(columns={"device": "supply"}).join(feeding, on="supply")
+    supplies = supplies.assign(drop_v=supplies["voltage_v"] - supplies["lowest_v"])
+    return supplies[_SUPPLIES].reset_index(drop=True), table
 
 
 _SUPPLIES = (

@@ -70,14 +70,14 @@ def tables(design: Layout) -> dict[str, pd.DataFrame]:
 
 def schedule(design: Layout) -> pd.DataFrame:
     """Return the cable schedule: one row per cable, for ordering and installation."""
-    runs, known = design.cables, catalogue()
+    runs, types = design.cables, catalogue()
     at = design.devices.set_index("device")["at"]
     names = {"run": "cable", "a": "from", "b": "to", "cable": "type"}
     names |= {"conductors": "cores", "used": "cores_used"}
     table = runs.rename(columns=names).assign(
         from_in=[at[name] for name in runs["a"]],
         to_in=[at.get(name, "") for name in runs["b"]],
-        description=runs["cable"].map(lambda name: known[name].description),
+        description=runs["cable"].map(lambda name: types[name].description),
         tails_m=runs["length_m"] - design.site.detour * runs["route_m"],
     )
     return table[_SCHEDULE]
@@ -173,9 +173,9 @@ def _wires(design: Layout) -> Iterator[str]:
     bus = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     runs = design.cables
     for kind, segment, cores in zip(runs["kind"], runs["segment"], runs["conductors"], strict=True):
-        known = _FEED if kind == "feeder" else _WIRES.get(bus.get(segment, ""), ())
-        known = () if kind in _TO_POINT else known
-        yield from (known[n] if n < len(known) else str(n + 1) for n in range(cores))
+        labels = _FEED if kind == "feeder" else _WIRES.get(bus.get(segment, ""), ())
+        labels = () if kind in _TO_POINT else labels
+        yield from (labels[n] if n < len(labels) else str(n + 1) for n in range(cores))
 
 
 #: The wires joined to a core of a box's trunk, each as (row of its cable, number), and the signal
@@ -224,5 +224,5 @@ def _joints(drops: Iterable[tuple[int, str, int]]) -> list[_Joint]:
             shared += wires_of
             returns.setdefault(kind, []).append((drop, wires - 1))
         else:
-            pairs += wires_of + [([], "")] * (wires % 2)
+            pairs += wires_of if wires % 2 == 0 else [*wires_of, ([], "")]
     return [*pairs, *shared, *((ends, kind) for kind, ends in returns.items())]

@@ -48,15 +48,15 @@ class Reading(NamedTuple):
 
     def tried(self, table: str, values: Mapping[str, object]) -> tuple[Reading, list[str]]:
         """Return the words extended by those in a table, and the faults in the table."""
-        known, faults = dict(getattr(self, table)), []
+        entries, faults = dict(getattr(self, table)), []
         for word, value in values.items():
             try:
-                known[word] = _own(table, value)
+                entries[word] = _own(table, value)
             except (ArgumentError, TypeError):
                 faults.append(f"{table}.{word} is {value!r}; it must be {_LEGAL[table]}")
-        wrong = [word for word in known if table == "frames" and _frame(word) is None]
+        wrong = [word for word in entries if table == "frames" and _frame(word) is None]
         faults += [f"frames has {word!r}; it must be a number" for word in wrong]
-        return self._replace(**{table: tuple(known.items())}), faults
+        return self._replace(**{table: tuple(entries.items())}), faults
 
     def with_sheets(self, sheets: Iterable[Sheet]) -> tuple[Reading, list[Remark]]:
         """Return the words extended by the tables of frames and decks in a workbook, and remarks.
@@ -70,15 +70,16 @@ class Reading(NamedTuple):
             tables = _place_tables(sheet.titles)
             for number, cells in sheet.rows:
                 if below := _place_tables(cells):
-                    taken = {place for _, *places, _ in below for place in places}
+                    taken = {column for _, *places, _ in below for column in places}
                     tables = [one for one in tables if taken.isdisjoint(one[1:3])] + below
                     continue
-                for word, at, place, unit in tables:
-                    name, cell = (cells[n] if n < len(cells) else "" for n in (at, place))
+                for word, at, column, unit in tables:
+                    name, cell = (cells[n] if n < len(cells) else "" for n in (at, column))
                     if not cell and not (word == "frame" and is_frame(name)):
-                        unread += [number] * bool(name)
+                        if name:
+                            unread.append(number)
                         continue
-                    mark = "" if (number, place) in sheet.typed else "."
+                    mark = "" if (number, column) in sheet.typed else "."
                     is_length = unit in ("", *ALIKE["m"])
                     value = read_number(cell, mark, unit or "m", "m") if is_length else None
                     if value is None or not name or values[word].get(name, value) != value:
@@ -120,8 +121,8 @@ class Reading(NamedTuple):
         numbers = sorted((float(_frame(word) or 0.0), x) for word, x in self.frames)
         if number is None or not (numbers and numbers[0][0] <= number <= numbers[-1][0]):
             return None
-        known, along = zip(*numbers, strict=True)
-        return float(np.interp(number, known, along)) + offset
+        frames, along = zip(*numbers, strict=True)
+        return float(np.interp(number, frames, along)) + offset
 
     def above(self, text: str) -> float | None:
         """Return z on a deck [m], or None if it is unknown."""
@@ -135,13 +136,13 @@ def _place_tables(cells: Sequence[str]) -> list[tuple[str, int, int, str]]:
 
     Each is the word, its column, the column of the place along that axis, and its unit.
     """
-    columns = [(place, column) for place, cell in enumerate(cells) if (column := column_of(cell))]
+    columns = [(index, column) for index, cell in enumerate(cells) if (column := column_of(cell))]
     if any(column.name == "tag" for _, column in columns):
         return []
     tables = []
     for word, axis in (("frame", "x_m"), ("deck", "z_m")):
-        words = [place for place, column in columns if column.name == word]
-        axes = [(place, column.unit) for place, column in columns if column.name == axis]
+        words = [index for index, column in columns if column.name == word]
+        axes = [(index, column.unit) for index, column in columns if column.name == axis]
         tables += [(word, at, *one) for at, one in zip(words, axes, strict=False)]
     return tables
 
@@ -192,10 +193,10 @@ def off_centre(
     The text is such as P 4.2, 3.1(S), CL or -3.1, and `beside` is the side in another column. A
     number without a side is positive to port.
     """
-    rest = [number for cell in (text, beside) if (number := _SIDE.sub("", cell).strip(" /"))]
+    others = [number for cell in (text, beside) if (number := _SIDE.sub("", cell).strip(" /"))]
     signs = {_PORT[side.casefold()] for side in _SIDE.findall(f"{text} {beside}")}
     read = read or (lambda number: read_number(number, ".", "m", "m"))
-    numbers = [read(number) for number in rest]
+    numbers = [read(number) for number in others]
     if None in numbers or len(signs) > 1 or len({abs(y or 0.0) for y in numbers}) > 1:
         return None
     y = numbers[0] or 0.0 if numbers else None
@@ -243,9 +244,9 @@ def words() -> Words:
     return Words(titles, units | {"side": "m"})
 
 
-def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | None:
+def column_of(title: str, assigned: tuple[tuple[str, str], ...] = ()) -> Column | None:
     """Return the column of an I/O list that a title names, or None."""
-    return words().column_of(title, own)
+    return words().column_of(title, assigned)
 
 
 # Intrinsic safety -----------------------------------------------------------------------------
@@ -321,12 +322,12 @@ def is_intrinsically_safe(cell: str) -> tuple[bool, bool]:
     if _WITHOUT.fullmatch(text):
         return False, True
     text = re.sub(r"\[[^\[\]]*\]|\bop[ -]?(?:is|pr|sh)\b", " ", text)
-    words, rest = _INTRINSIC.findall(text), _INTRINSIC.sub(" ", text)
-    kinds = _protection(rest)
+    words, remainder = _INTRINSIC.findall(text), _INTRINSIC.sub(" ", text)
+    kinds = _protection(remainder)
     safe = bool(words) or "i" in kinds
-    other = bool({*kinds} & {*"demnopqst"} or _OTHER.search(rest))
+    other = bool({*kinds} & {*"demnopqst"} or _OTHER.search(remainder))
     # The verb is may stand beside other words.
-    verb = not kinds and {*map(len, words)} & {2, 3} and re.search(r"\w", rest)
+    verb = not kinds and {*map(len, words)} & {2, 3} and re.search(r"\w", remainder)
     return safe, safe != other and not verb and not _UNLESS.search(text)
 
 
@@ -335,5 +336,5 @@ def without_safety(word: str) -> tuple[str, str]:
     mark = None if meanings(word) else _SAFE.search(word)
     if mark is None:
         return word, ""
-    rest = " ".join((word[: mark.start()] + " " + word[mark.end() :]).split())
-    return rest, mark[0].strip("[]() ")
+    remainder = " ".join((word[: mark.start()] + " " + word[mark.end() :]).split())
+    return remainder, mark[0].strip("[]() ")

@@ -58,9 +58,9 @@ class CanLayout:
     def _packed(self) -> tuple[Integers, dict[str, int]]:
         """First bit of each point in the data of all messages, and data bytes per box."""
         first, sizes = np.empty(len(self.points), np.int64), dict[str, int]()
-        for box, own in self.points.by_box().items():
-            place, size = packed([point.analogue for point in own], self.bits)
-            first[[point.box == box for point in self.points]] = 8 * sum(sizes.values()) + place
+        for box, points in self.points.by_box().items():
+            starts, size = packed([point.analogue for point in points], self.bits)
+            first[[point.box == box for point in self.points]] = 8 * sum(sizes.values()) + starts
             sizes[box] = size
         return first, sizes
 

@@ -63,8 +63,8 @@ class Redundancy:
         """Return the effect of each ``dead`` part: ``boxes_lost``, ``points_lost``."""
         rows = []
         for kind, count in (("supply", self.supplies), ("cpu", self.cpus)):
-            for box, own in self.points.by_box().items():
-                cost = (box, len(own)) if count == 1 else ("", 0)
+            for box, points in self.points.by_box().items():
+                cost = (box, len(points)) if count == 1 else ("", 0)
                 rows += [(f"{kind} {n + 1} of {box}", *cost) for n in range(count)]
         return pd.DataFrame(rows, columns=["dead", "boxes_lost", "points_lost"])
 

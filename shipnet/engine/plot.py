@@ -111,8 +111,8 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
     words: list[tuple[float, float, str, str]] = []
     tiles: dict[str, list[tuple[int, int, str]]] = {"": [], "//": []}
     columns = [table[name].tolist() for name in ("tag", "value", "unit", "age_s", "mark")]
-    for place, (tag, value, unit, age, mark) in enumerate(zip(*columns, strict=True)):
-        y, x = divmod(place, _TILES)
+    for tile, (tag, value, unit, age, mark) in enumerate(zip(*columns, strict=True)):
+        y, x = divmod(tile, _TILES)
         colour, text, ink = "#d6eaf8", f"{value:g} {unit}".rstrip(), "0.1"
         if mark:
             colour, text, ink = "0.2", mark, "1.0"

@@ -128,8 +128,8 @@ class Coding:
     def _bounds(self, points: PointList) -> tuple[Floats, Floats]:
         """Return the lowest and highest number per register, without -32768 if it is the mark."""
         signed = self.step != "full scale"
-        high = 2 ** (self.bits - signed) - 1
-        low = -high - (self.error != 2**15) if signed else 0
+        high = 2 ** (self.bits - 1 if signed else self.bits) - 1
+        low = (-high if self.error == 2**15 else -high - 1) if signed else 0
         ends = np.array([(low, high) if point.analogue else (0, 1) for point in points], np.float64)
         return ends[:, 0], ends[:, 1]
 

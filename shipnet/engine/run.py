@@ -68,14 +68,14 @@ OUTCOMES = ("answered", "no answer", "response damaged")
 class Attempts(NamedTuple):
     """Requests in chronological order: poll, channel (0 or 1), start [ns], index in `OUTCOMES`.
 
-    `heard` is True if the box received the request, even if no response began.
+    `received` is True if the box received the request, even if no response began.
     """
 
     poll: Integers
     channel: Integers
     start: Integers
     outcome: Integers
-    heard: Bools
+    received: Bools
 
 
 #: Time stored for a round, or a step of a round, that did not happen.
@@ -114,24 +114,24 @@ class Frames(NamedTuple):
         return rows[np.lexsort((self.message[rows], self.arrival[rows]))]
 
 
-def marks(system: System, cpu: Cpu, heard: Integers) -> Integers:
-    """Return the CPU times [ns] at which the timer marks a box whose frames are read at `heard`."""
+def marks(system: System, cpu: Cpu, arrivals: Integers) -> Integers:
+    """Return the CPU times [ns] at which the timer marks a box with these arrivals of frames."""
     limit = nanoseconds(system.stale_limit)
-    silent = np.diff(heard, append=heard[-1:] + limit + 1) > limit
-    return cpu.until(heard[silent] + limit)
+    silent = np.diff(arrivals, append=arrivals[-1:] + limit + 1) > limit
+    return cpu.until(arrivals[silent] + limit)
 
 
 class Views(NamedTuple):
     """The AMS's data after each response, one row per response.
 
     `seen` is the time at which the response was complete [ns]. For each message, `number` is the
-    round in which its values were sampled, -1 if they are missing or marked, and `known` is the
+    round in which its values were sampled, -1 if they are missing or marked, and `earliest` is the
     AMS's lower bound on their sampling time [ns].
     """
 
     seen: Integers
     number: Integers
-    known: Integers
+    earliest: Integers
 
 
 class Shown(NamedTuple):
@@ -172,25 +172,25 @@ class SyntheticValues:
         self._omega = 2 * np.pi / rng.uniform(60, 600, n)
         self._phase = rng.uniform(0, 2 * np.pi, n)
 
-    def at(self, place: int, time: npt.ArrayLike) -> Floats:
-        """Return the values of the point with index `place` at the given times [s]."""
+    def at(self, index: int, time: npt.ArrayLike) -> Floats:
+        """Return the values of the point with index `index` at the given times [s]."""
         t = np.asarray(time, dtype=np.float64)
-        if not self.points[place].analogue:
+        if not self.points[index].analogue:
             return np.zeros(t.shape)
-        angle = self._omega[place] * t + self._phase[place]
-        return np.asarray(self._mean[place] + self._amplitude[place] * np.sin(angle))
+        angle = self._omega[index] * t + self._phase[index]
+        return np.asarray(self._mean[index] + self._amplitude[index] * np.sin(angle))
 
 
 def reading(
-    values: SyntheticValues, faults: Iterable[EngineFault], place: int, time: float
+    values: SyntheticValues, faults: Iterable[EngineFault], index: int, time: float
 ) -> float:
     """Return the value that a box reads for a point at `time` [s], including any wire fault."""
-    point, now = values.points[place], nanoseconds(time)
+    point, now = values.points[index], nanoseconds(time)
     for wire, kind in WIRES.items():
         if any(begin <= now < stop for begin, stop in outages(faults, point.tag, kind)):
             card = InputCard(PointList([point]))
             return float(card.value(card.broken(wire))[0])
-    return float(values.at(place, time))
+    return float(values.at(index, time))
 
 
 class Screen:
@@ -292,14 +292,14 @@ class Run:
             f"{len(self.alarms())} alarms, oldest value shown {self.worst_age:.2f} s)"
         )
 
-    def _shown(self, place: int) -> Shown:
+    def _shown(self, index: int) -> Shown:
         """Return what the AMS shows over time for the point with this index."""
-        system, message = self.system, self.system.message_of[place]
+        system, message = self.system, self.system.message_of[index]
         box = int(system.sender[message])
         number = self.views.number[:, message]
-        begun = self.loops[box].work[number] + system.offset_ns[place]
+        begun = self.loops[box].work[number] + system.offset_ns[index]
         sampled = self.cpus[box].at(begun)
-        for begin, stop in outages(self.faults, system.points[place].tag, StuckSensor):
+        for begin, stop in outages(self.faults, system.points[index].tag, StuckSensor):
             sampled = np.where((sampled > begin) & (sampled < stop), begin, sampled)
         until, good, good_until = self._good
         return Shown(self.views.seen, until, good[:, message], good_until[:, message], sampled)
@@ -312,7 +312,7 @@ class Run:
         good = self.views.number >= 0
         good_until = np.broadcast_to(until[:, None], good.shape)
         if self.system.coding == "corrected":
-            limit = self.views.known + nanoseconds(self.system.age_limit)
+            limit = self.views.earliest + nanoseconds(self.system.age_limit)
             good, good_until = good & (limit > seen[:, None]), np.minimum(good_until, limit)
         return until, good, np.where(good, good_until, seen[:, None])
 
@@ -416,19 +416,19 @@ class Run:
         row = int(np.searchsorted(seen, now, side="right")) - 1
         printed = self.system.coding == "printed"
         rows = []
-        for place, point in enumerate(self.system.points):
-            shown = self._shown(place)
+        for index, point in enumerate(self.system.points):
+            shown = self._shown(index)
             value, age, mark = np.nan, np.nan, "0xFF" if printed else "too old"
             if shown.good[row] and (
                 now < shown.good_until[row] or shown.good_until[row] == self.end
             ):
                 sampled = int(shown.sampled[row]) / 1e9
                 age, mark = time - sampled, ""
-                value = reading(sensors, self.faults, place, sampled)
+                value = reading(sensors, self.faults, index, sampled)
                 value = round(value, 0 if printed else 1)
                 if printed and int(value) == _ERROR:
                     mark = "0xFF?"
-            true = float(sensors.at(place, time))
+            true = float(sensors.at(index, time))
             rows.append((point.tag, point.box, point.service, value, point.unit, true, age, mark))
         columns = ["tag", "box", "service", "value", "unit", "true", "age_s", "mark"]
         return Screen(time, pd.DataFrame(rows, columns=columns).set_index("tag"))
@@ -445,8 +445,8 @@ class Run:
     @cached_property
     def _table(self) -> pd.DataFrame:
         rows = []
-        for place, point in enumerate(self.system.points):
-            shown = self._shown(place)
+        for index, point in enumerate(self.system.points):
+            shown = self._shown(index)
             marked = int((shown.until - shown.good_until).sum()) / 1e9
             worst = mean = sampled = until = np.nan
             if (good := shown.good).any():
@@ -502,7 +502,7 @@ class Run:
                 rows.append((when / 1e9, f"channel {channel + 1}", word))
         limit = nanoseconds(self.system.age_limit)
         for channel, path in enumerate(self.paths, start=1):
-            fresh = path.known + limit > path.seen[:, None]
+            fresh = path.earliest + limit > path.seen[:, None]
             for box, name in enumerate(self.system.boxes):
                 fine = np.asarray(fresh[:, self.system.sender == box].all(axis=1))
                 for when, good in _changes(path.seen, fine):

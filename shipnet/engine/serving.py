@@ -123,11 +123,11 @@ def parse_fault(system: System, words: str) -> EngineFault:
     where, _, what = words.rpartition(":")
     unit = {str(unit): channel for channel, unit in enumerate(UNITS)}.get(where)
     for kind in _WORDS.get(what, ()):
-        place = where
+        target = where
         if unit is not None:
-            place = str(unit + 1) if kind.at == "channel" else system.boxes[system.ports[unit]]
-        if place in system.places[kind.at]:
-            return kind(place)
+            target = str(unit + 1) if kind.at == "channel" else system.boxes[system.ports[unit]]
+        if target in system.places[kind.at]:
+            return kind(target)
     raise ArgumentError(
         f"fault is {words!r}; it must be a place and a fault, such as 2:dead, "
         "JB2:bus-off, 3:cut (unit 3's channel), JB1-JB2:cut (a CAN cable) or ME-JB2-044:open "
@@ -210,9 +210,9 @@ class FaultRegisters:
         self, table: Table, address: int, quantity: int
     ) -> list[tuple[str, tuple[type[EngineFault], ...]]]:
         places = range(address, address + quantity)
-        if table != "holding_registers" or not all(place in self.rows for place in places):
+        if table != "holding_registers" or not all(key in self.rows for key in places):
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
-        return [self.rows[place] for place in places]
+        return [self.rows[key] for key in places]
 
 
 class JunctionBox:
@@ -241,7 +241,7 @@ class JunctionBox:
         received = [self._heard(box, now) for box in range(len(self.system.boxes))]
         limit = nanoseconds(self.system.stale_limit)
         values = np.full(len(self.system.points), np.nan)
-        for place, (point, box) in enumerate(
+        for index, (point, box) in enumerate(
             zip(self.system.points, self.system.box_of.tolist(), strict=True)
         ):
             last = received[box]
@@ -249,7 +249,7 @@ class JunctionBox:
                 continue
             for begin, stop in outages(self.faults, point.tag, StuckSensor):
                 last = begin if begin < last < stop else last
-            values[place] = reading(self.sensors, self.faults, place, last / 1e9)
+            values[index] = reading(self.sensors, self.faults, index, last / 1e9)
         return values
 
     def _heard(self, sender: int, now: int) -> int | None:

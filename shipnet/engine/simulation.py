@@ -120,7 +120,7 @@ def simulate(
     warm = 3 * int(system.period_ns.max()) + 10**9
     span = (-warm, max(horizon, last))
     requested = attempts.start + nanoseconds(system.poll.line.frame_time(8) + system.serial.t35)
-    readers = np.where(attempts.heard, np.array(system.ports)[attempts.channel], -1)
+    readers = np.where(attempts.received, np.array(system.ports)[attempts.channel], -1)
     cpus = [Cpu(requested[readers == box], system.service_ns) for box in range(len(system.boxes))]
     loops = [
         rounds(system, box, cpu, span, begins[system.boxes[box]], wrong)
@@ -131,12 +131,12 @@ def simulate(
     good = attempts.outcome == 0
     seen, channel = attempts.start[good] + answered, attempts.channel[good]
     width = system.sender.size
-    number, known = np.full((seen.size, width), -1), np.full((seen.size, width), NEVER)
+    number, earliest = np.full((seen.size, width), -1), np.full((seen.size, width), NEVER)
     for port, box in enumerate(system.ports):
         rows = np.flatnonzero(channel == port)
         time = requested[good][rows]
-        number[rows], known[rows] = _stored(system, box, cpus, loops, sent, lost, wrong, time)
-    views = Views(seen, number, known)
+        number[rows], earliest[rows] = _stored(system, box, cpus, loops, sent, lost, wrong, time)
+    views = Views(seen, number, earliest)
     paths: tuple[Views, ...] = ()
     if system.polled == "both":
         paths = tuple(Views(*(c[channel == port] for c in views)) for port in (0, 1))
@@ -186,7 +186,7 @@ def _stored(
     work = nanoseconds(system.firmware.receive)
     read = cpu.at(cpu.queue(sent.arrival[rows], work) + work)
     number = np.full((time.size, system.sender.size), -1)
-    known = np.full((time.size, system.sender.size), NEVER)
+    earliest = np.full((time.size, system.sender.size), NEVER)
     hop = system.hop_ns(box)
     emptied = np.full(time.size, NEVER)
     for _, back in outages(faults, system.boxes[box], DeadBox):
@@ -211,27 +211,27 @@ def _stored(
             ends = np.append(NEVER, cpu.at(left))
             there &= when > ends[np.searchsorted(ends, time, side="right") - 1]
         number[there, message] = newer[newest][there]
-        known[there, message] = when[there] - hop[message]
-    return number, known
+        earliest[there, message] = when[there] - hop[message]
+    return number, earliest
 
 
 def freshest(views: Views, channel: Integers) -> Views:
     """Return the views after every response, each message from the channel with the newer data."""
     order = np.argsort(views.seen, kind="stable")
     seen, channel = views.seen[order], channel[order]
-    number, known = views.number[order], views.known[order]
+    number, earliest = views.number[order], views.earliest[order]
     rows = np.arange(seen.size)
-    best_number, best_known = np.full_like(number, -1), np.full_like(known, NEVER)
+    best_number, best_earliest = np.full_like(number, -1), np.full_like(earliest, NEVER)
     for port in (0, 1):
         newest = np.maximum.accumulate(np.where(channel == port, rows, -1))
         held = newest >= 0
-        theirs = np.where(held[:, None], known[newest], NEVER)
-        better = theirs > best_known
-        best_known = np.where(better, theirs, best_known)
+        theirs = np.where(held[:, None], earliest[newest], NEVER)
+        better = theirs > best_earliest
+        best_earliest = np.where(better, theirs, best_earliest)
         best_number = np.where(better, number[newest], best_number)
     # Of responses that end at the same instant, the last one counts.
     last = np.append(seen[1:] > seen[:-1], True)[: seen.size]
-    return Views(seen[last], best_number[last], best_known[last])
+    return Views(seen[last], best_number[last], best_earliest[last])
 
 
 # Requests of the AMS --------------------------------------------------------------------------
@@ -257,8 +257,8 @@ def ask(
     else:
         rows = [row for line in lines for row in _follow(system, horizon, phase, [line])]
         rows.sort(key=lambda row: (row[2], row[1]))
-    poll, channel, start, outcome, heard = np.array(rows, dtype=np.int64).reshape(-1, 5).T
-    return Attempts(poll, channel, start, outcome, heard.astype(bool))
+    poll, channel, start, outcome, received = np.array(rows, dtype=np.int64).reshape(-1, 5).T
+    return Attempts(poll, channel, start, outcome, received.astype(bool))
 
 
 class _Line:
@@ -297,13 +297,13 @@ class _Line:
         A cable must be intact while it carries a frame; a box must work from the request onwards.
         """
         first, last = start + self.first, start + self.last
-        damaged = unheard = silent = False
+        damaged = missed = silent = False
         for begin, stop in self.breaks:
-            unheard |= begin < start + self.sent and start < stop
+            missed |= begin < start + self.sent and start < stop
             silent |= begin <= first < stop
             damaged |= begin < last and first < stop
         for begin, stop in self.deaths:
-            unheard |= begin <= start + self.read and start < stop
+            missed |= begin <= start + self.read and start < stop
             silent |= begin <= first and start < stop
             damaged |= begin < last and first < stop
         if self.losses:
@@ -312,10 +312,10 @@ class _Line:
                 self.losses, chances[::2], chances[1::2], strict=True
             ):
                 begin, stop = fault.span
-                unheard |= begin <= start < stop and request < fault.request
+                missed |= begin <= start < stop and request < fault.request
                 damaged |= begin <= first < stop and response < fault.response
-        if unheard or silent:
-            return 1, not unheard, start + self.silent
+        if missed or silent:
+            return 1, not missed, start + self.silent
         return (2 if damaged else 0), True, start + self.answered
 
 
@@ -329,8 +329,8 @@ def _follow(
     while now < horizon:
         for line in order:
             for _ in range(1 + system.retries):
-                outcome, heard, then = line.ask(now)
-                rows.append((number, line.channel, now, outcome, heard))
+                outcome, received, then = line.ask(now)
+                rows.append((number, line.channel, now, outcome, received))
                 now = then
                 if outcome == 0:
                     break
@@ -380,8 +380,8 @@ def islands(system: System, faults: Sequence[EngineFault], time: int) -> list[li
         return any(a <= time < b for a, b in outages(faults, where, *kinds))
 
     part = list(range(len(system.boxes)))
-    for place, segment in enumerate(system.segments):
-        ends = place, (place + 1) % len(part)
+    for index, segment in enumerate(system.segments):
+        ends = index, (index + 1) % len(part)
         if not out(segment, CanBreak):
             # The bus runs through each box, even if the box is dead.
             old, new = part[ends[1]], part[ends[0]]
@@ -541,7 +541,7 @@ def _fault_row(system: System, fault: EngineFault | None, runs: Sequence[Run]) -
 
 def _unseen(run: Run, begin: float, end: float) -> Bools:
     """Return a mask of the points that show no value newer than the fault while it lasts."""
-    shown = [run._shown(place) for place in range(len(run.system.points))]
+    shown = [run._shown(index) for index in range(len(run.system.points))]
     # The values of a stuck sensor date from exactly the nanosecond at which it became stuck.
     first, last = nanoseconds(begin), nanoseconds(end)
     newer = [s.good & (s.sampled > first) & (s.seen <= last) for s in shown]

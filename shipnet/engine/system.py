@@ -176,7 +176,8 @@ class System:
     @cached_property
     def registers(self) -> int:
         """Number of registers in a response: one per point, plus one age per frame if corrected."""
-        return len(self.points) + self.sender.size * (self.coding == "corrected")
+        ages = self.sender.size if self.coding == "corrected" else 0
+        return len(self.points) + ages
 
     @cached_property
     def poll(self) -> Poll:

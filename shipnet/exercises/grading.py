@@ -402,17 +402,17 @@ def _search(root: Path) -> list[Path]:
 
     Links to folders are not followed, and folders may be nested to any depth.
     """
-    folders, found = [root], []
+    folders, paths = [root], []
     for folder in folders:
         try:
             for path in folder.iterdir():
                 if path.is_dir() and not path.is_symlink():
                     folders += [] if path.name == ".ipynb_checkpoints" else [path]
                 elif path.suffix == ".ipynb":
-                    found.append(path)
+                    paths.append(path)
         except OSError:
-            found.append(folder)
-    return sorted(found)
+            paths.append(folder)
+    return sorted(paths)
 
 
 def _read(path: Path, root: Path) -> bytes:

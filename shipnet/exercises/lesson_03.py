@@ -47,9 +47,9 @@ def _remainder(row: str, generator: str) -> str:
     """Divide without carries; return the remainder, one bit shorter than the generator."""
     width = len(generator) - 1
     left = int(row, 2)
-    for place in reversed(range(len(row) - width)):
-        if left >> (place + width) & 1:
-            left ^= int(generator, 2) << place
+    for shift in reversed(range(len(row) - width)):
+        if left >> (shift + width) & 1:
+            left ^= int(generator, 2) << shift
     return f"{left:0{width}b}"
 
 

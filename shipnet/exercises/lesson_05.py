@@ -17,8 +17,8 @@ _RATE = 125_000
 
 def _pair(number: int) -> tuple[str, str]:
     """Return two ids that first differ in one of the bits 2 to 8, counted from the left."""
-    place = 3 + number % 7
-    return f"0x{number:03X}", f"0x{number ^ (1 << place) ^ (number >> 1) % (1 << place):03X}"
+    bit = 3 + number % 7
+    return f"0x{number:03X}", f"0x{number ^ (1 << bit) ^ (number >> 1) % (1 << bit):03X}"
 
 
 def _stop(ids: Sequence[str]) -> int:
@@ -165,9 +165,9 @@ def _slacks(messages: MessageSet) -> dict[str, float]:
 )
 def slack(messages: str) -> Solution:
     """Smallest slack of three messages in the order that meets all deadlines."""
-    known = MessageSet.parse(messages)
-    good = tuple(audsley(known, _RATE).messages.names)
-    right = _slacks(known.ordered(good))
+    message_set = MessageSet.parse(messages)
+    good = tuple(audsley(message_set, _RATE).messages.names)
+    right = _slacks(message_set.ordered(good))
     mistakes: dict[str, object] = {
         "Compute the slacks with each of the six orders: with which order is none below zero?": ANY,
         "that is the largest slack; which message comes closest to its deadline?": (
@@ -177,12 +177,12 @@ def slack(messages: str) -> Solution:
             sorted(right.values())[1]
         ),
         "that is a deadline minus a frame's duration; where is the wait?": min(
-            1e3 * (one.deadline - one.frame_time(_RATE)) for one in known
+            1e3 * (one.deadline - one.frame_time(_RATE)) for one in message_set
         ),
     }
-    for order in permutations(known.names):
+    for order in permutations(message_set.names):
         if order != good:
-            least = min(_slacks(known.ordered(order)).values())
+            least = min(_slacks(message_set.ordered(order)).values())
             hint = (
                 f"{least:.2f} ms is below zero: this order makes a message late; try another order"
             )

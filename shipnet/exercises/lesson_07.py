@@ -20,19 +20,19 @@ _RINGS = tuple(
 @solution("ex-07-1", "unread_1", ring=_RINGS)
 def unread(ring: dict[str, int]) -> Solution:
     """Number of unread bytes that the variables of a ring indicate."""
-    found, wanted = Ring(_SIZE, "corrected"), State(**ring)
-    while found.state[2:] != wanted[2:]:
-        found.store(0)
-        found.extract()
-    while found.state != wanted:
-        found.store(0)
-    return Whole(found.seems_unread, "bytes"), {
+    model, target = Ring(_SIZE, "corrected"), State(**ring)
+    while model.state[2:] != target[2:]:
+        model.store(0)
+        model.extract()
+    while model.state != target:
+        model.store(0)
+    return Whole(model.seems_unread, "bytes"), {
         "the difference is below zero: what do the different flags mean?": ring["no"]
         - ring["get_no"],
         "those are the free places; has the writer passed the end?": ring["get_no"] - ring["no"],
-        "that is one lap of the ring too many": found.seems_unread + _SIZE,
-        "the ring has 128 places, numbered from 0 to 127": found.seems_unread - 1,
-        "the byte at `no` has not been written yet": found.seems_unread + 1,
+        "that is one lap of the ring too many": model.seems_unread + _SIZE,
+        "the ring has 128 places, numbered from 0 to 127": model.seems_unread - 1,
+        "the byte at `no` has not been written yet": model.seems_unread + 1,
         "those lie before the ring's end; how many lie at its beginning?": _SIZE - ring["get_no"],
         "those lie at the ring's beginning; how many lie before its end?": ring["no"],
         "Draw the places as a circle and mark `no` and `get_no`: which bytes lie between?": ANY,

@@ -28,10 +28,10 @@ def _cases() -> tuple[dict[str, float], ...]:
     every = np.array(list(product(*values)))
     readings = dict(zip(_BASE.names, every.T, strict=True))
     hold, ramps = _firing(readings, "crisp"), _firing(readings, "fuzzy")
-    found = (dict(zip(_BASE.names, row, strict=True)) for row in every.tolist())
+    rows = (dict(zip(_BASE.names, row, strict=True)) for row in every.tolist())
     return tuple(
         each
-        for each, crisp, fuzzy in zip(found, hold, ramps, strict=True)
+        for each, crisp, fuzzy in zip(rows, hold, ramps, strict=True)
         if 2 <= len(crisp) <= 4 and crisp not in (fuzzy, _any_of(each))
     )
 
@@ -45,24 +45,24 @@ def _any_of(readings: dict[str, float]) -> list[str]:
     ]
 
 
-def _mean(found: list[str]) -> frozenset[str]:
+def _mean(held: list[str]) -> frozenset[str]:
     """Return the fault whose number is the rounded mean of the numbers of the faults found."""
-    return frozenset({_BASE.codes[round(np.mean([*map(_BASE.codes.index, found)]))]})
+    return frozenset({_BASE.codes[round(np.mean([*map(_BASE.codes.index, held)]))]})
 
 
 @solution("ex-09-1", "codes", readings=_cases())
 def codes(readings: dict[str, float]) -> Solution:
     """Rules that hold for the given readings."""
-    found = list(_BASE.decide(readings, method="crisp").codes())
-    return Words(frozenset(found), _BASE.codes), {
-        "that is only the highest-ranked rule; list every rule that holds": frozenset(found[:1]),
-        "that is only the lowest-ranked rule; list every rule that holds": frozenset(found[-1:]),
-        "that is the fault with the mean number; fault numbers are only names": _mean(found),
+    held = list(_BASE.decide(readings, method="crisp").codes())
+    return Words(frozenset(held), _BASE.codes), {
+        "that is only the highest-ranked rule; list every rule that holds": frozenset(held[:1]),
+        "that is only the lowest-ranked rule; list every rule that holds": frozenset(held[-1:]),
+        "that is the fault with the mean number; fault numbers are only names": _mean(held),
         "in these rules at least one comparison holds; all comparisons must hold": (
             frozenset(_any_of(readings))
         ),
         "these fire with ramps; which hold without them?": frozenset(_firing(readings, "fuzzy")[0]),
-        "these rules do not hold; which ones do?": frozenset(_BASE.codes) - frozenset(found),
+        "these rules do not hold; which ones do?": frozenset(_BASE.codes) - frozenset(held),
         "some rules hold: compare the readings with the thresholds, row by row": frozenset(),
         "Go through the table row by row: a rule holds only if all its comparisons hold": ANY,
     }
@@ -99,8 +99,8 @@ def _persistent(fires: str, k: int, n: int) -> str:
     return "".join(map(str, active.astype(int)))
 
 
-def _marks(found: Iterable[bool]) -> str:
-    return "".join("1" if one else "0" for one in found)
+def _marks(flags: Iterable[bool]) -> str:
+    return "".join("1" if one else "0" for one in flags)
 
 
 def _windows(fires: str, n: int, last: int = 0) -> list[str]:

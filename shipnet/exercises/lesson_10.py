@@ -80,8 +80,8 @@ def saved(modules: int, distance: float) -> Solution:
 def break_even(modules: int, spacing: float) -> Solution:
     """Distance beyond which AS-i costs less than home runs."""
     (wired, bus), (wired_far, bus_far) = (
-        [one["total_cost_eur"] for one in _quantities(modules, place, spacing)]
-        for place in (_NEAR, _FAR)
+        [one["total_cost_eur"] for one in _quantities(modules, distance, spacing)]
+        for distance in (_NEAR, _FAR)
     )
     wired_per_m, bus_per_m = (wired_far - wired) / (_FAR - _NEAR), (bus_far - bus) / (_FAR - _NEAR)
     beyond = (bus - wired) / (wired_per_m - bus_per_m)
@@ -103,9 +103,9 @@ def _reviews() -> tuple[_Options, _Options]:
     ship = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
     ballast = ship.where("system == 'Ballast valve'")
     ways = ["home runs", "junction boxes", "AS-i", "CAN"]
-    found = ballast.compare((20, -6, 14), ways, settings={"tails": 2, "spare": 0})
-    found = found.add(found.plan("AS-i", settings={"asi.repeaters": 0}, name=_POOR))
-    table = found.table()
+    comparison = ballast.compare((20, -6, 14), ways, settings={"tails": 2, "spare": 0})
+    comparison = comparison.add(comparison.plan("AS-i", settings={"asi.repeaters": 0}, name=_POOR))
+    table = comparison.table()
     faults = table["points_left_out"] + table["rules_violated"]
     rows = zip(table["total_cost_eur"].round(-2), table["lost_by_failure"], faults, strict=True)
     every = {

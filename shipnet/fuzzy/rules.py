@@ -95,7 +95,7 @@ class RuleBase:
     @cached_property
     def ranking(self) -> tuple[str, ...]:
         """Codes of the rules, the highest priority first."""
-        return tuple(self.codes[place] for place in self._ranked)
+        return tuple(self.codes[number] for number in self._ranked)
 
     @cached_property
     def _ranked(self) -> Indices:
@@ -559,28 +559,28 @@ class Decision:
         also names the closest rule, if there is one; if the decision is undetermined, it names only
         the sensors that would decide it.
         """
-        place, firing = self._place(index), self.firing
-        base, top = firing.base, self.top[place]
-        opened = self._codes(self.open[place])
+        element, firing = self._place(index), self.firing
+        base, top = firing.base, self.top[element]
+        opened = self._codes(self.open[element])
         parts = []
         if top in base.codes:
-            parts.append(self._reason(base.rule(top), place))
+            parts.append(self._reason(base.rule(top), element))
             others = [code for code in self.codes(*index) if code != top]
             if others:
-                texts = (f"{code} {firing[code][place]:.2f}" for code in others)
+                texts = (f"{code} {firing[code][element]:.2f}" for code in others)
                 parts.append(f"also {', '.join(texts)}")
             higher = [code for code in opened if base.ranking.index(code) < base.ranking.index(top)]
             if higher:
                 parts.append(f"cannot exclude {' '.join(higher)}")
         else:
-            normal = f"{NORMAL} {firing.normal[place]:.2f}"
+            normal = f"{NORMAL} {firing.normal[element]:.2f}"
             parts.append(f"{top}: cannot exclude {' '.join(opened)}" if opened else normal)
-            closest = base.rules[int(firing.strength[place].argmax())]
-            if firing[closest.code][place] > 0:
-                parts.append(f"closest {self._reason(closest, place)}")
-        missing, outside = firing.missing[place], firing.out_of_range[place]
+            closest = base.rules[int(firing.strength[element].argmax())]
+            if firing[closest.code][element] > 0:
+                parts.append(f"closest {self._reason(closest, element)}")
+        missing, outside = firing.missing[element], firing.out_of_range[element]
         if top == UNDETERMINED:
-            opened_rules = compress(base.rules, self.open[place])
+            opened_rules = compress(base.rules, self.open[element])
             decisive = {name for rule in opened_rules for name in rule.variables}
             decides = np.isin(base.names, list(decisive))
             missing, outside = missing & decides, outside & decides
@@ -590,22 +590,22 @@ class Decision:
             parts.append(f"missing {self._sensors(missing)}")
         if outside.any():
             texts = (
-                self._reading(variable, place) for variable in compress(base.variables, outside)
+                self._reading(variable, element) for variable in compress(base.variables, outside)
             )
             parts.append(f"out of range {', '.join(texts)}")
         return "; ".join(parts)
 
-    def _reason(self, rule: Rule, place: tuple[int, ...]) -> str:
+    def _reason(self, rule: Rule, element: tuple[int, ...]) -> str:
         conditions = []
         for variable, term in self.firing.base.terms_of(rule):
-            x = self.firing.values[variable.name][place]
+            x = self.firing.values[variable.name][element]
             degree = term.membership(np.clip(x, variable.low, variable.high))
             label = term.english or term.name
-            conditions.append(f"{self._reading(variable, place)} {label} {degree:.2f}")
-        return f"{rule.code} {self.firing[rule.code][place]:.2f}: {', '.join(conditions)}"
+            conditions.append(f"{self._reading(variable, element)} {label} {degree:.2f}")
+        return f"{rule.code} {self.firing[rule.code][element]:.2f}: {', '.join(conditions)}"
 
-    def _reading(self, variable: Variable, place: tuple[int, ...]) -> str:
-        return f"{variable.name} {self.firing.values[variable.name][place]:.4g} {variable.unit}"
+    def _reading(self, variable: Variable, element: tuple[int, ...]) -> str:
+        return f"{variable.name} {self.firing.values[variable.name][element]:.4g} {variable.unit}"
 
     def _codes(self, flags: Bools) -> tuple[str, ...]:
         return tuple(self.firing.base.active_codes(flags[np.newaxis])[0].split())

@@ -282,11 +282,11 @@ class Variable:
         inner = np.isin(points, middles)
         holds = np.stack([interval.contains(points) for interval in intervals], axis=1)
         chosen: dict[tuple[bool, ...], int] = {}
-        for place, row in enumerate(holds.tolist()):
+        for index, row in enumerate(holds.tolist()):
             key = tuple(row)
-            if key not in chosen or (inner[place] and not inner[chosen[key]]):
-                chosen[key] = place
-        return sorted(float(points[place]) for place in chosen.values())
+            if key not in chosen or (inner[index] and not inner[chosen[key]]):
+                chosen[key] = index
+        return sorted(float(points[index]) for index in chosen.values())
 
     def plot(self, ax: Axes | None = None, *, crisp: bool = True) -> Axes:
         """Draw the membership functions; `crisp` adds the comparisons' limits as dashed lines."""

@@ -154,18 +154,18 @@ def read_edges(
 ) -> Edges:
     """Read the level changes of one channel, by default the one with the most changes."""
     with _read(path, sample_interval, (channel or "").strip().lower()) as table:
-        wanted, time = _pick(table, channel)
+        chosen, time = _pick(table, channel)
         if table.logic is None:
             interval = sample_interval or table.interval
-            edges = [_edges_of(table, k, time, interval) for k in wanted]
+            edges = [_edges_of(table, k, time, interval) for k in chosen]
             return max(edges, key=lambda candidate: len(candidate.places))
         places, words, samples = table.logic
         flips = words[1:] ^ words[:-1]
-        masks = [np.uint64(1 << (table.columns[k].number - 1)) for k in wanted]
+        masks = [np.uint64(1 << (table.columns[k].number - 1)) for k in chosen]
         busiest = int(np.argmax([np.count_nonzero(flips & mask) for mask in masks]))
         changed, first = (flips & masks[busiest]) > 0, int((words[0] & masks[busiest]) > 0)
         dt = _known_interval(sample_interval or table.interval, table)
-        title = table.columns[wanted[busiest]].title
+        title = table.columns[chosen[busiest]].title
         return Edges(places[changed] - 0.5, 1.0, first, samples, dt, title)
 
 
@@ -186,10 +186,10 @@ def bit_time(edges: Edges, longest: int) -> float:
 
 def read_arrays(path: str | PathLike[str], keys: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
     """Read arrays from an ``.npz`` file by name; raise InputError if one is missing."""
-    wanted = tuple(keys)
+    required = tuple(keys)
     with _opened(path) as (file, stream), zipfile.ZipFile(stream) as archive:
-        arrays = _members(file, stream, archive, wanted)
-        if missing := [key for key in wanted if key not in arrays]:
+        arrays = _members(file, stream, archive, required)
+        if missing := [key for key in required if key not in arrays]:
             names = ", ".join(sorted(_stems(archive))[:10]) or "nothing"
             raise InputError(file, f"it has {names}; also expected {', '.join(missing)}")
         return arrays
@@ -451,11 +451,11 @@ def _pick(table: _Channels, channel: str | None) -> tuple[list[int], int | None]
     if channel is None:
         return usable, time
     name = channel.strip().lower()
-    wanted = [k for k in usable if name in (columns[k].title.lower(), str(columns[k].number))]
-    if not wanted:
+    matching = [k for k in usable if name in (columns[k].title.lower(), str(columns[k].number))]
+    if not matching:
         channels = _names(table, usable)
         raise InputError(table.file, f"no channel {channel!r}; its channels are {channels}")
-    return wanted[:1], time
+    return matching[:1], time
 
 
 def _names(table: _Channels, indices: list[int]) -> str:

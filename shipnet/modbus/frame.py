@@ -41,10 +41,10 @@ def read_frame(data: bytes, framing: Framing) -> tuple[int, bytes, int | None]:
             raise LengthError(f"length field is {length}, but {len(frame) - 6} bytes follow it")
         return unit, frame[MBAP_BYTES:], transaction
     frame = _checked_frame(data, "RTU", 1 + RTU_BYTES, MAX_PDU + RTU_BYTES)
-    body, found = frame[:-2], int.from_bytes(frame[-2:], "little")
+    body, received = frame[:-2], int.from_bytes(frame[-2:], "little")
     expected = MODBUS.of(body)
-    if found != expected:
-        raise CrcError(f"CRC is 0x{found:04X}, but the bytes before it give 0x{expected:04X}")
+    if received != expected:
+        raise CrcError(f"CRC is 0x{received:04X}, but the bytes before it give 0x{expected:04X}")
     if body[0] > MAX_UNIT:
         raise FieldError(f"unit id is {body[0]}; it must be 0..{MAX_UNIT}")
     return body[0], body[1:], None

@@ -217,9 +217,9 @@ class _TcpHandler(_Handler, BufferedProtocol):
         now = self.loop.time()
         if self.held_back:
             self.last_request = now
-        rest = self.last_request + _IDLE - now
-        if rest > 0:
-            self.timer = self.loop.call_later(rest, self._end_if_idle)
+        remaining = self.last_request + _IDLE - now
+        if remaining > 0:
+            self.timer = self.loop.call_later(remaining, self._end_if_idle)
         elif self._is_open():
             self.transport.abort()
 

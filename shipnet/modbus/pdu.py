@@ -102,7 +102,7 @@ def check_coils(coils: Iterable[bool], most: int, name: str = "coils") -> tuple[
 
 def _bits(data: bytes) -> tuple[bool, ...]:
     """Return the coils that bytes contain, eight per byte, the least significant bit first."""
-    return tuple(bool(byte >> place & 1) for byte in data for place in range(8))
+    return tuple(bool(byte >> bit & 1) for byte in data for bit in range(8))
 
 
 def exception_code(value: int) -> ExceptionCode:
@@ -115,12 +115,12 @@ def exception_code(value: int) -> ExceptionCode:
 
 def _sequence(name: str, values: Iterable[Any], most: int) -> tuple[Any, ...]:
     try:
-        found = tuple(values)
+        checked = tuple(values)
     except TypeError:
         raise ArgumentError(f"{name} is {values!r}; it must be a sequence of 1..{most}") from None
-    if not 1 <= len(found) <= most:
-        raise ArgumentError(f"{name} has {len(found)} values; it must have 1..{most}")
-    return found
+    if not 1 <= len(checked) <= most:
+        raise ArgumentError(f"{name} has {len(checked)} values; it must have 1..{most}")
+    return checked
 
 
 def _function(value: int) -> FunctionCode:
@@ -295,10 +295,10 @@ class Request(_Framed):
             return Response(code, coils=self.coils, registers=self.registers, address=self.address)
         if code in WRITE_LIMITS:
             return Response(code, address=self.address, quantity=self.quantity)
-        found = _sequence("values", values, self.quantity)
-        if len(found) != self.quantity:
-            raise ArgumentError(f"values has {len(found)} values; {self.quantity} were requested")
-        return Response(code, **_named(code, found))
+        checked = _sequence("values", values, self.quantity)
+        if len(checked) != self.quantity:
+            raise ArgumentError(f"values has {len(checked)} values; {self.quantity} were requested")
+        return Response(code, **_named(code, checked))
 
     def exception(self, exception: int) -> Response:
         """Return the exception response to this request."""
@@ -384,8 +384,8 @@ class Response(_Framed):
             if code > 0x80:
                 response = cls(code & 0x7F, exception=data[1])  # type: ignore[arg-type]
             elif code in READ_LIMITS:
-                found = _bits(values) if code in _COILS else _registers(values)
-                response = cls(code, **_named(code, found))
+                decoded = _bits(values) if code in _COILS else _registers(values)
+                response = cls(code, **_named(code, decoded))
             elif code in (5, 6):
                 response = cls(code, address=numbers[0], **_single(code, numbers[1]))
             else:
@@ -429,7 +429,7 @@ def _named(code: int, values: tuple[Any, ...]) -> dict[str, Any]:
 def _values(message: Request | Response) -> bytes:
     """Return the coils or registers of a message as bytes."""
     if coils := message.coils:  # the first in the least significant bit, padded with 0
-        number = sum(1 << place for place, coil in enumerate(coils) if coil)
+        number = sum(1 << bit for bit, coil in enumerate(coils) if coil)
         return number.to_bytes(-(-len(coils) // 8), "little")
     return pack(f">{len(message.registers)}H", *message.registers)
 
@@ -559,11 +559,11 @@ class Adu:
         A PDU that is valid both as a request and as a response is read as a request.
         """
         if self.transaction_id is None:
-            fields, rest = {"unit id": self.rtu[:1]}, {"CRC": self.rtu[-2:]}
+            fields, tail = {"unit id": self.rtu[:1]}, {"CRC": self.rtu[-2:]}
         else:
             head = self.tcp[:MBAP_BYTES]
             header = ("transaction id", "protocol id", "length", "unit id")
-            fields, rest = {name: head[2 * k :][:2] for k, name in enumerate(header)}, {}
+            fields, tail = {name: head[2 * k :][:2] for k, name in enumerate(header)}, {}
         fields["function code"], data = self.pdu[:1], self.pdu[1:]
         names: tuple[str, ...] = ("data",) if data else ()  # of an invalid PDU
         for parse, layouts in ((Response.parse, _RESPONSES), (Request.parse, _REQUESTS)):
@@ -573,7 +573,7 @@ class Adu:
         for name in names:
             size = 1 if name == "byte count" else len(data) if name in ("values", "data") else 2
             fields[name], data = data[:size], data[size:]
-        table = {name: part.hex(" ") for name, part in (fields | rest).items()}
+        table = {name: part.hex(" ") for name, part in (fields | tail).items()}
         return pd.Series(table, name="bytes").rename_axis("field").to_frame()
 
 

@@ -190,8 +190,8 @@ class Scan:
         answers = (self.n_slaves - self.dead) * len(self.polls)
         if self.limit is None or not self.ok or not answers:
             return None
-        rest = min(poll.timeout - poll.shortest_timeout for poll in self.polls)
-        return self.polls[0].processing + min((self.limit - self.time) / answers, rest)
+        margin = min(poll.timeout - poll.shortest_timeout for poll in self.polls)
+        return self.polls[0].processing + min((self.limit - self.time) / answers, margin)
 
     @property
     def verdict(self) -> str:

@@ -114,7 +114,7 @@ class Registers:
         """Return values of a table, or refuse with exception 2 if an address does not exist."""
         memory: dict[int, int] = getattr(self, table)
         try:
-            return [memory[place] for place in range(address, address + quantity)]
+            return [memory[item] for item in range(address, address + quantity)]
         except KeyError:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS) from None
 
@@ -125,9 +125,9 @@ class Registers:
         if not new.keys() <= memory.keys():
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         if table == "holding_registers":
-            for place in new.keys() & self.limits.keys():
-                low, high = self.limits[place]
-                if not low <= new[place] <= high:
+            for item in new.keys() & self.limits.keys():
+                low, high = self.limits[item]
+                if not low <= new[item] <= high:
                     raise DeviceError(ExceptionCode.ILLEGAL_DATA_VALUE)
         memory.update(new)
 
@@ -210,8 +210,8 @@ class Slave:
         }
         if device is None:
             device = Registers(**tables)  # type: ignore[arg-type]
-        elif given := [name for name, table in tables.items() if table]:
-            raise ArgumentError(f"a device and {given[0]} are given; give only one of them")
+        elif names := [name for name, table in tables.items() if table]:
+            raise ArgumentError(f"a device and {names[0]} are given; give only one of them")
         if not isinstance(device, Device):
             raise ArgumentError(f"device is {device!r}; it must have the methods read and write")
         self.device = device

@@ -261,11 +261,13 @@ class Waveform:
         """Draw the level over time [ms], with each byte above its data bits; return the axes."""
         ax = style.axes(ax)
         line, time, level = self.line, self.time, self.level
-        found, bit = self.decode(), 1e3 / line.bit_rate
-        start = found.time * 1e3
+        characters, bit = self.decode(), 1e3 / line.bit_rate
+        start = characters.time * 1e3
         data = style.FIELD["information"]
         ax.bar(start + bit, 1, 8 * bit, align="edge", color=data, alpha=0.6)
-        for middle, value in zip(start + line.character_bits * bit / 2, found.value, strict=True):
+        for middle, value in zip(
+            start + line.character_bits * bit / 2, characters.value, strict=True
+        ):
             ax.text(middle, 1.08, f"{value:02X}", ha="center", va="bottom", family="monospace")
         ax.plot(time * 1e3, level, drawstyle="steps-post", color="C0")
         ax.set(xlabel="time [ms]", ylabel="level", xlim=(0, time[-1] * 1e3), ylim=(-0.1, 1.4))

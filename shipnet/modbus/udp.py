@@ -131,21 +131,23 @@ def compare(
     unit id                 10           0        32       31
     transaction id           0           0        39       38
     """
-    asked = np.asarray(units)
-    if asked.ndim != 1 or not 1 <= asked.size <= _MOST or asked.dtype.kind not in "iu":
+    unit_ids = np.asarray(units)
+    if unit_ids.ndim != 1 or not 1 <= unit_ids.size <= _MOST or unit_ids.dtype.kind not in "iu":
         raise ArgumentError(f"units is {units!r}; it must be a row of 1..{_MOST} whole numbers")
-    if asked.min() < 0 or asked.max() > 255:
-        raise ArgumentError(f"units range from {asked.min()} to {asked.max()}; they must be 0..255")
+    if unit_ids.min() < 0 or unit_ids.max() > 255:
+        raise ArgumentError(
+            f"units range from {unit_ids.min()} to {unit_ids.max()}; they must be 0..255"
+        )
     wait = check_scalar("timeout", timeout, "s", 1e-9, 3600)
     seed = int(check_rng(rng).integers(2**63))
-    n = len(asked)
-    marks = {"nothing": [0] * n, "unit id": asked.tolist(), "transaction id": transaction_ids(n)}
+    n = len(unit_ids)
+    marks = {"nothing": [0] * n, "unit id": unit_ids.tolist(), "transaction id": transaction_ids(n)}
     rows = {}
-    for name, own in marks.items():
-        reply_to, dropped = replies(own, path, wait, check_rng(seed))
+    for name, identifiers in marks.items():
+        reply_to, dropped = replies(identifiers, path, wait, check_rng(seed))
         answered = reply_to >= 0
         mismatched = answered & (reply_to != np.arange(n))
-        wrong_unit = answered & (asked[reply_to] != asked)
+        wrong_unit = answered & (unit_ids[reply_to] != unit_ids)
         rows[name] = (mismatched.sum(), wrong_unit.sum(), n - answered.sum(), dropped)
     columns = ["mismatched", "wrong_unit", "timeouts", "dropped"]
     return pd.DataFrame.from_dict(rows, orient="index", columns=columns)

@@ -124,10 +124,15 @@ class MarkerFormat(PacketFormat):
         """The markers before every item."""
         return b"" if self.reading == "A" else bytes([DATA_START])
 
+    @property
+    def _crc_size(self) -> int:
+        """Length of the CRC at the end [byte]."""
+        return _CRC if self.crc else 0
+
     def size(self, n_items: int) -> int:
         """Return the length of a packet with 0..n_numbers items [byte]."""
         n = check_whole("n_items", n_items, 0, self.n_numbers)
-        return len(self.head) + n * (len(self.lead) + _ITEM) + 1 + _CRC * self.crc
+        return len(self.head) + n * (len(self.lead) + _ITEM) + 1 + self._crc_size
 
     def parser(self) -> MarkerParser:
         """Return a new parser; its `feed` takes a stream in pieces of any length."""
@@ -183,7 +188,7 @@ class MarkerFormat(PacketFormat):
 
     def _body(self, packet: bytes) -> bytes:
         head, lead = self.head, self.lead
-        end, step = len(packet) - 1 - _CRC * self.crc, len(lead) + _ITEM
+        end, step = len(packet) - 1 - self._crc_size, len(lead) + _ITEM
         groups = [packet[k : k + step] for k in range(len(head), end, step)]
         formed = packet.startswith(head) and packet[end] == PACKET_END
         if lead:
@@ -239,17 +244,17 @@ class MarkerParser:
 
     def _meaning(self, byte: int) -> str:
         """Return what a byte means next in the packet, empty if it violates the form."""
-        form, head, lead, place = self._format, self._head, self._lead, len(self._packet)
-        if place < len(head):
+        form, head, lead, index = self._format, self._head, self._lead, len(self._packet)
+        if index < len(head):
             self._size = 0
-            if byte != head[place]:
+            if byte != head[index]:
                 return ""
-            return "start of the packet" if place == 0 else "start of the data"
+            return "start of the packet" if index == 0 else "start of the data"
         if self._size:
             return "CRC"
-        n_items, within = divmod(place - len(head), len(lead) + _ITEM)
+        n_items, within = divmod(index - len(head), len(lead) + _ITEM)
         if within == 0 and byte == PACKET_END:
-            self._size = place + 1 + _CRC * form.crc
+            self._size = index + 1 + form._crc_size
             return "end of the packet"
         if n_items == form.n_numbers:
             return ""
@@ -274,11 +279,11 @@ def stuff(data: bytes) -> bytes:
 
 def unstuff(code: bytes) -> bytes:
     """Return the data that were stuffed, or raise an error if no data are stuffed like this."""
-    runs, place = [], 0
-    while place < len(code) and code[place]:
-        runs.append(code[place + 1 : place + code[place]])
-        place += code[place]
-    if place != len(code) or 0 in code:
+    runs, start = [], 0
+    while start < len(code) and code[start]:
+        runs.append(code[start + 1 : start + code[start]])
+        start += code[start]
+    if start != len(code) or 0 in code:
         raise FormError(f"bytes {code.hex(' ')} are not stuffed")
     return b"\0".join(runs)
 
@@ -323,9 +328,9 @@ class CobsFormat(PacketFormat):
         return CobsParser(self)
 
     def _meanings(self, stream: bytes) -> list[str]:
-        *packets, rest = stream.split(b"\0")
+        *packets, partial = stream.split(b"\0")
         meanings = [meaning for packet in packets for meaning in self._parts(packet)]
-        return meanings + ["not complete"] * len(rest)
+        return meanings + ["not complete"] * len(partial)
 
     def _parts(self, packet: bytes) -> list[str]:
         """Return the meaning of each byte of a packet and of the 0 that ends it."""
@@ -333,11 +338,11 @@ class CobsFormat(PacketFormat):
             items = self.decode(packet + b"\0")
         except FrameError:
             return ["discarded"] * (len(packet) + 1)
-        place = packet[0]
-        parts = [f"distance to the first 0: {place}", *len(items) * _PARTS, "CRC", "CRC"]
-        while place < len(packet):
-            parts[place] += f", a 0; distance to the next: {packet[place]}"
-            place += packet[place]
+        index = packet[0]
+        parts = [f"distance to the first 0: {index}", *len(items) * _PARTS, "CRC", "CRC"]
+        while index < len(packet):
+            parts[index] += f", a 0; distance to the next: {packet[index]}"
+            index += packet[index]
         return [*parts, "end of the packet"]
 
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
@@ -367,41 +372,41 @@ class CobsParser:
         self.discarded = 0
         self._format = packet_format
         # The bytes since the last 0; those beyond the longest packet are only counted.
-        self._rest, self._more = b"", 0
+        self._partial, self._more = b"", 0
 
     def feed(self, data: bytes) -> list[Items]:
         """Return the packets that these bytes complete."""
         packets: list[Items] = []
-        *ended, rest = check_bytes("data", data).split(b"\0")
+        *ended, partial = check_bytes("data", data).split(b"\0")
         for part in ended:
-            packet = self._rest + part + b"\0"
+            packet = self._partial + part + b"\0"
             try:
                 packets.append(self._format.decode(packet))
             except FrameError:
                 self.discarded += self._more + len(packet)
-            self._rest, self._more = b"", 0
+            self._partial, self._more = b"", 0
         longest = self._format.size(self._format.n_numbers)
-        self._rest += rest
-        self._more += len(self._rest[longest:])
-        self._rest = self._rest[:longest]
+        self._partial += partial
+        self._more += len(self._partial[longest:])
+        self._partial = self._partial[:longest]
         return packets
 
 
 # Errors that pass the checks --------------------------------------------------------------------
 
 
-def crc_residual(n_bytes: int, rate: float, known: tuple[int, ...] = ()) -> float:
+def crc_residual(n_bytes: int, rate: float, error_free: tuple[int, ...] = ()) -> float:
     r"""Return the probability that CRC-16/MODBUS accepts data and check bytes with errors.
 
-    Bytes at the `known` places are error-free. If B_w words of the dual code of a code of L bits
-    have the weight w, MacWilliams' identity gives (T. Fujiwara, T. Kasami, S. Lin, IEEE Trans.
-    Communications 37 (1989) 986-989):
+    The bytes with the indices `error_free` have no errors. If B_w words of the dual code of a code
+    of L bits have the weight w, MacWilliams' identity gives (T. Fujiwara, T. Kasami, S. Lin, IEEE
+    Trans. Communications 37 (1989) 986-989):
 
     .. math:: P_u = 2^{-16} \sum_{w=0}^{L} B_w (1 - 2 p)^w - (1 - p)^L
     """
     n = check_whole("n_bytes", n_bytes, 0, 4096)
     p = check_scalar("rate", rate, "", 0, 0.5)
-    weights = code_weights(n, known)
+    weights = code_weights(n, error_free)
     with localcontext() as context:
         context.prec = _DIGITS
         exact = Decimal(p)
@@ -415,9 +420,9 @@ def crc_residual(n_bytes: int, rate: float, known: tuple[int, ...] = ()) -> floa
 
 
 @cache
-def code_weights(n_bytes: int, known: tuple[int, ...] = ()) -> tuple[int, ...]:
+def code_weights(n_bytes: int, error_free: tuple[int, ...] = ()) -> tuple[int, ...]:
     """Return the number of words of weight 0, 1, ... in the dual code of CRC-16/MODBUS."""
-    bits = 8 * np.array(known, np.int64)[:, np.newaxis] + np.arange(8)
+    bits = 8 * np.array(error_free, np.int64)[:, np.newaxis] + np.arange(8)
     syndromes = np.delete(MODBUS.syndromes(n_bytes), bits.reshape(-1))
     # For each of the 2**16 words of the dual code, the Walsh-Hadamard transform gives the number of
     # zeros minus the number of ones.

@@ -91,8 +91,8 @@ class PacketFormat:
         Raises `LengthError`, `FormError`, `CrcError` or `FieldError` (a number is rejected).
         """
         data = check_bytes("packet", packet)
-        n_items, rest = divmod(len(data) - self.size(0), self.size(1) - self.size(0))
-        if rest or not 0 <= n_items <= self.n_numbers:
+        n_items, remainder = divmod(len(data) - self.size(0), self.size(1) - self.size(0))
+        if remainder or not 0 <= n_items <= self.n_numbers:
             raise LengthError(f"packet {data.hex(' ')} has a length that no number of items gives")
         body = self._body(data)
         items = tuple((body[k], body[k + 1] | body[k + 2] << 8) for k in range(0, len(body), 3))
@@ -177,10 +177,10 @@ class PacketFormat:
         bits = 8 * self.size(n_items)
         outcome = np.zeros(n, np.uint8)
         for first in range(0, n, _CHUNK):
-            place = _hits(bits * min(_CHUNK, n - first), p, rng)
-            hit, start = np.unique(place // bits, return_index=True)
+            positions = _hits(bits * min(_CHUNK, n - first), p, rng)
+            hit, start = np.unique(positions // bits, return_index=True)
             values = rng.integers(0, 1 << 16, (hit.size, n_items), dtype=np.uint16)
-            flips = np.split(place % bits, start[1:])
+            flips = np.split(positions % bits, start[1:])
             for k, row, inverted in zip(hit, values.tolist(), flips, strict=False):
                 items = tuple(enumerate(row))
                 received = self._read(flipped(self._packet(items), inverted.tolist()))

@@ -89,8 +89,8 @@ def plot_cases(shown: npt.NDArray[np.str_], ax: Axes | None) -> Axes:
     ax.imshow(
         order, cmap=colours, norm=norm, origin="lower", aspect="auto", interpolation="nearest"
     )
-    for place, letter in enumerate(_CASES):
-        row, column = np.nonzero(order[:, : 2 * size] == place)
+    for number, letter in enumerate(_CASES):
+        row, column = np.nonzero(order[:, : 2 * size] == number)
         if row.size:
             ax.text(column.mean(), row.mean(), letter)
     ax.axvline(size, **_LIMIT)
@@ -146,7 +146,7 @@ def plot_time_chart(run: Any, ax: Axes | None, start: float, stop: float) -> Axe
             f"start..stop contains {len(shown)} packets; a figure shows 1 to {_MOST_PACKETS}"
         )
     ax = style.axes(ax)
-    row = {name: place for place, name in enumerate(("BCS", "RCS", "SS"))}
+    row = {name: y for y, name in enumerate(("BCS", "RCS", "SS"))}
     # What the end of the run cuts off is not lost.
     lost = [packet.outcome == "lost" and packet.end <= run.until for packet in shown]
     for packet, is_lost in zip(shown, lost, strict=True):
@@ -170,11 +170,11 @@ def plot_time_chart(run: Any, ax: Axes | None, start: float, stop: float) -> Axe
             )
     alarms = run.alarms().query("@start <= time_s <= @stop")
     for time, station, partner in alarms[["time_s", "station", "partner"]].itertuples(index=False):
-        place = row[station] - 0.4
-        ax.plot(time, place, marker="v", color=_RED, linestyle="none")
+        y = row[station] - 0.4
+        ax.plot(time, y, marker="v", color=_RED, linestyle="none")
         ax.annotate(
             f"{partner} failed",
-            (time, place),
+            (time, y),
             (3, 3),
             textcoords="offset points",
             color=_RED,
@@ -229,16 +229,16 @@ def plot_counters(
     The count is a line, and each miss a numbered mark; the last is red and gives the time instead.
     """
     ax = style.axes(ax)
-    place = len(ax.get_legend_handles_labels()[1])
-    y = 11.7 + 1.8 * place
+    index = len(ax.get_legend_handles_labels()[1])
+    y = 11.7 + 1.8 * index
     for number, time in enumerate(misses, start=1):
         failed = number == len(misses)
-        colour = _RED if failed else f"C{place}"
+        colour = _RED if failed else f"C{index}"
         text = f"failed, {time:.1f} s" if failed else f"miss {number}"
         ax.plot(time, y, "v", color=colour)
         ax.annotate(text, (time, y), (5, 0), textcoords="offset points", va="center", color=colour)
-    line, name = "-" if place == 0 else "--", label or f"rule {place + 1}"
-    ax.plot(times, counts, line, drawstyle="steps-post", color=f"C{place}", label=name)
+    line, name = "-" if index == 0 else "--", label or f"rule {index + 1}"
+    ax.plot(times, counts, line, drawstyle="steps-post", color=f"C{index}", label=name)
     ax.set(xlabel="time since the last 0xDD [s]", ylabel="count [tick]")
     style.legend(ax)
     return ax
@@ -248,15 +248,15 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
     """Draw the fraction of packets accepted with errors, by check, at the first bit error rate."""
     shown = table[table["bit_error_rate"] == table["bit_error_rate"].iloc[0]]
     ax = style.axes(ax)
-    for place, (check, rows) in enumerate(shown.groupby("check", sort=False)):
-        colour = f"C{place}"
+    for number, (check, rows) in enumerate(shown.groupby("check", sort=False)):
+        colour = f"C{number}"
         # For the byte-stuffed packet, the estimate is usually too high: `CobsFormat._undetected`.
         label = f"{check}, upper estimate" if check == "CRC" else check
         ax.plot(rows["n_items"], rows["expected"], color=colour, label=label)
         some = rows[rows["undetected"] > 0]
         share = some["undetected"] / some["sent"]
         ax.errorbar(
-            some["n_items"] + 0.4 * place,  # side by side, so that no mark hides another
+            some["n_items"] + 0.4 * number,  # side by side, so that no mark hides another
             share,
             yerr=[share - some["low"], some["high"] - share],
             color=colour,

@@ -349,7 +349,7 @@ class RingCases:
     def _shown(self) -> npt.NDArray[np.str_]:
         """Return the case by the writer's lead and the reader's place."""
         leads, places = range(_LAPS * self.size), range(self.size)
-        return np.array([[case_of(place, lead, self.size) for place in places] for lead in leads])
+        return np.array([[case_of(index, lead, self.size) for index in places] for lead in leads])
 
     def table(self) -> pd.DataFrame:
         """Return how many pairs of writer's lead and reader's place show each case, by lap.
@@ -372,5 +372,5 @@ class RingCases:
 
         if get_no is None:
             return plot_cases(self._shown().T, ax)
-        place = check_whole("get_no", get_no, 0, self.size - 1)
-        return plot_lead(self._shown()[:, place].tolist(), self.size, ax)
+        column = check_whole("get_no", get_no, 0, self.size - 1)
+        return plot_lead(self._shown()[:, column].tolist(), self.size, ax)

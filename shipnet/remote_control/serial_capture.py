@@ -59,11 +59,11 @@ def _tuned(places: Floats, first: int, bit: float, size: int) -> float:
 def _without_glitches(places: Floats, bit: float) -> Floats:
     """Return the edges without pairs that are closer together than the longest glitch."""
     kept: list[float] = []
-    for place in places.tolist():
-        if kept and place - kept[-1] < _GLITCH * bit:
+    for edge in places.tolist():
+        if kept and edge - kept[-1] < _GLITCH * bit:
             kept.pop()
         else:
-            kept.append(place)
+            kept.append(edge)
     return np.array(kept)
 
 
@@ -82,7 +82,7 @@ def _best(
     for guess in sorted(guess for guess in guesses if guess >= _FEWEST):
         clean = _without_glitches(head, guess)
         for data, parity in [form] if form else _FORMS:
-            size = data + (parity != "N")
+            size = data + (0 if parity == "N" else 1)
             fitted = bit or _tuned(clean, first, guess, size)
             starts, bits, _ = read_characters(clean, first, fitted, size)
             if not len(starts):
@@ -93,7 +93,8 @@ def _best(
             score += 2 * max(0.0, off - 0.5 * edges.width / fitted - 0.02)
             # Prefer longer bits, because half the bit time also fits, and parity, because without
             # it only stop bits can be wrong.
-            score += -0.5 * np.log2(fitted / runs.max()) + 0.02 * (parity == "N") - 0.01 * data
+            plain = 0.02 if parity == "N" else 0.0
+            score += -0.5 * np.log2(fitted / runs.max()) + plain - 0.01 * data
             best = min(best, (score, fitted, (data, parity)))
     return best[1:]
 
@@ -234,15 +235,15 @@ def read_capture(
     data, parity = form or _FORMS[0]
     if bit is None or bit < _FEWEST:
         raise InputError(str(file), "fewer than 2 samples per bit")
-    size = data + (parity != "N")
+    size = data + (0 if parity == "N" else 1)
     # The sender's clock is independent of the receiver's clock.
     sent = _best(edges, first, None, (data, parity))[0] if len(places) >= 4 else bit
     sent = _tuned(_without_glitches(places, sent), first, sent, size)
     bit = bit if rate else sent
     clean = _without_glitches(places, bit)
     starts, bits, false_starts = read_characters(clean, first, bit, size)
-    rest = np.diff(starts) / bit - (size + 1)
-    stops = 2 if len(rest) > 4 and np.quantile(rest, 0.05) > 1.75 else 1
+    idle = np.diff(starts) / bit - (size + 1)
+    stops = 2 if len(idle) > 4 and np.quantile(idle, 0.05) > 1.75 else 1
     character = character or f"{data}{parity}{stops}"
     rate = rate or 1 / (bit * edges.dt)
     waveform = None

@@ -359,9 +359,9 @@ class _Simulation:
                 self.losses.remove(loss)
                 break
         else:
-            for place, byte in enumerate(data, start=1):
-                time = self.now + place * character
-                last = packet if place == len(data) else None
+            for sent, byte in enumerate(data, start=1):
+                time = self.now + sent * character
+                last = packet if sent == len(data) else None
                 self._in_turn(time, self._arrive, station, target, byte, last)
         self._in_turn(packet.end, self._sent, station)
 

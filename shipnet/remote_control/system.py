@@ -334,9 +334,9 @@ class System:
 
         With ``slave.n_ticks`` or more, a false alarm is possible.
         """
-        rest, tick = self._rest_time, self.slave.tick
-        end = rest + self.packet_time + self.idle_time
-        edges = np.array([(0.0, rest), (rest + self.packet_time, end)]) / tick
+        rest_time, tick = self._rest_time, self.slave.tick
+        end = rest_time + self.packet_time + self.idle_time
+        edges = np.array([(0.0, rest_time), (rest_time + self.packet_time, end)]) / tick
         # The count is highest for a tick just before the end or just after the beginning of an
         # interval.
         phases = np.concatenate([edges.reshape(-1) - 1e-9, edges.reshape(-1) + 1e-9])
@@ -391,8 +391,8 @@ class System:
         """
         packet, process, rule = self.packet_time, self.processing, self.master
         # RCS has already counted since the last 0xDD from SS.
-        rest = self._rest_time
-        before = rest / rule.tick
+        rest_time = self._rest_time
+        before = rest_time / rule.tick
         ticks = rule.n_ticks - ceil(before) - 1, rule.n_ticks - floor(before)
         timeout = inf if self.turn_timeout is None else self.turn_timeout
         wait = (
@@ -403,13 +403,13 @@ class System:
         silent = process + packet + wait[0] + first, process + packet + wait[1] + first
         # If SS dies after its last 0xDD, RCS counts from that byte, and later also waits for BCS.
         again = rule.n_ticks * rule.tick
-        anew = min(again + packet + 2 * process - rest, timeout)
+        anew = min(again + packet + 2 * process - rest_time, timeout)
         again = min(again, timeout)
         longest = first + max(process + packet + anew, anew - process + again)
         limit, tick = self.slave.n_ticks, self.slave.tick
-        if floor(rest / tick) + floor(silent[0] / tick) >= limit:
+        if floor(rest_time / tick) + floor(silent[0] / tick) >= limit:
             alarm = "certain"
-        elif ceil(rest / tick) + ceil(longest / tick) >= limit:
+        elif ceil(rest_time / tick) + ceil(longest / tick) >= limit:
             alarm = "possible"
         else:
             alarm = "never"
@@ -441,9 +441,9 @@ class System:
             waits = (longest - rounds * rule.tick - before, longest)
         else:
             waits = (rounds * self.turn_timeout,) * 2
-        rest = (ring - rounds * size - 1) * self.character_time
-        rest += rounds * (3 * packet + 2 * self.processing)
-        return float(waits[0] + rest), float(waits[1] + rest)
+        stall = (ring - rounds * size - 1) * self.character_time
+        stall += rounds * (3 * packet + 2 * self.processing)
+        return float(waits[0] + stall), float(waits[1] + stall)
 
     def heartbeats(self) -> tuple[int, ...]:
         """Return the places, from 0, of the bytes in a packet that show that its sender is alive.

@@ -142,10 +142,10 @@ class Sheet:
         else:
             _clear(axes)
         plot(axes)
-        whole, place = cast("Any", axes.figure), cast("Any", axes.get_subplotspec())
+        whole, spec = cast("Any", axes.figure), cast("Any", axes.get_subplotspec())
         if _words(axes) != self._words:
             # Make room for the text, starting from the position of new axes.
-            axes.set_subplotspec(place)
+            axes.set_subplotspec(spec)
             whole.set_layout_engine("constrained")
         png = self._drawn(axes)
         whole.set_layout_engine("none")

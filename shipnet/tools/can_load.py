@@ -112,15 +112,15 @@ class CanLoad(Tool):
 
     def _options(self) -> dict[str, Any]:
         def take(inputs: CanLoad, name: str, content: bytes) -> CanLoad:
-            given = text_of(content)
-            if "\0" in given:
+            text = text_of(content)
+            if "\0" in text:
                 raise InputError(name, "this is not a text file")
             dbc = name.lower().endswith(".dbc")
             if dbc:
-                messages = parse_dbc(given, name, strict=False)
-                given = "".join(f"# {fault}\n" for fault in messages.overlooked) + messages.text
-            return replace(inputs, text=given)
+                messages = parse_dbc(text, name, strict=False)
+                text = "".join(f"# {fault}\n" for fault in messages.overlooked) + messages.text
+            return replace(inputs, text=text)
 
         tip = "CSV or DBC file to replace the text above; faults of a DBC file are listed on top."
-        own = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
-        return {"uploads": [own], "folds": {"message set": ("text",)}}
+        upload = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
+        return {"uploads": [upload], "folds": {"message set": ("text",)}}

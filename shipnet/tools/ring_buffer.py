@@ -154,11 +154,11 @@ class Game:
         return sum(value < least or value not in sent for value, least in pairs)
 
     def _byte(self) -> None:
-        number, place = divmod(self.ring.written, _SIZE)
-        byte = _FORM.encode({0: _value(number)})[place]
+        number, index = divmod(self.ring.written, _SIZE)
+        byte = _FORM.encode({0: _value(number)})[index]
         where = self.ring.state.no
         self.ring.store(byte)
-        self.said = f"byte {place + 1} of packet {number + 1}, 0x{byte:02X}, stored at {where}"
+        self.said = f"byte {index + 1} of packet {number + 1}, 0x{byte:02X}, stored at {where}"
 
     def _packet(self) -> None:
         number, stored = divmod(self.ring.written, _SIZE)

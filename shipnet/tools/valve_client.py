@@ -70,9 +70,9 @@ class ValveClient(Tool):
         """Return the view of the valves that were read, with the response to the last command."""
         row = readout.screen[self.valve]
         silent = row["state"] == "silent"
-        place = f"{row['state']}, {said(row['position_percent'], 0, '%')}"
+        status = f"{row['state']}, {said(row['position_percent'], 0, '%')}"
         return View(
-            verdict=f"valve {self.valve}{' does not respond' if silent else f': {place}'}",
+            verdict=f"valve {self.valve}{' does not respond' if silent else f': {status}'}",
             ok=not (refused or silent),
             numbers=({"last command": answer} if answer else {}) | readout.numbers(self.valve),
             plot=lambda ax: readout.screen.plot(self.valve, ax),
@@ -94,7 +94,7 @@ class Explorer(Page):
         self.server = serve(_OWN, rng=np.random.default_rng()).__enter__()
         self._end = finalize(self, self.server.__exit__)
         self._link: Link | None = None
-        self._place: tuple[str, int] | None = None
+        self._endpoint: tuple[str, int] | None = None
         self._answer, self._refused = "", 0
         # The browser's counter triggers each reading of the valves, so no thread is needed.
         clock = widgets.Play(min=0, max=10**6, interval=500, repeat=True, show_repeat=False)
@@ -123,14 +123,14 @@ class Explorer(Page):
     def _hang_up(self) -> None:
         if self._link is not None:
             self._link.close()
-        self._link = self._place = None
+        self._link = self._endpoint = None
 
     def _client(self, inputs: ValveClient) -> Client:
         address = inputs.address.strip()
-        place = (address, inputs.port) if address else ("127.0.0.1", self.server.port)
-        if self._link is None or self._place != place:
+        endpoint = (address, inputs.port) if address else ("127.0.0.1", self.server.port)
+        if self._link is None or self._endpoint != endpoint:
             self._hang_up()
-            self._link, self._place = Link(*place), place
+            self._link, self._endpoint = Link(*endpoint), endpoint
         return Client.over(self._link, inputs.valves)
 
     def _command(self, inputs: ValveClient, action: str | float) -> None:

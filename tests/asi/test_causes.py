@@ -58,8 +58,8 @@ def tree(rng, metres, *, supplies=1, load=None, duplicate=False, stub=0.0):
     slaves = [Slave(str(k), node=names[rng.integers(n + 1)], current=0.02) for k in labels]
     fed = [names[k] for k in rng.integers(n + 1, size=supplies)]
     master = Master(node=names[rng.integers(n + 1)] if rng.random() < 0.3 else fed[0])
-    given = {} if load is None else {"load": load}
-    return Plan(cables, [master], [Supply(node, **given) for node in fed], slaves)
+    options = {} if load is None else {"load": load}
+    return Plan(cables, [master], [Supply(node, **options) for node in fed], slaves)
 
 
 def sound_tree(rng, **fault):
@@ -181,8 +181,8 @@ def noisy(wave, noise=0.05):
 
 
 def named(wave, noise=0.05):
-    found = decode(noisy(wave, noise)).causes().index
-    return found[0] if len(found) else NONE
+    causes = decode(noisy(wave, noise)).causes().index
+    return causes[0] if len(causes) else NONE
 
 
 def test_causes_on_trees_that_the_rules_do_not_come_from():
@@ -358,9 +358,9 @@ def test_a_slave_that_is_too_weak_to_be_read_is_named():
 def test_the_impedance_is_that_of_the_network(metres):
     plan = asi.line(metres, slaves=10)
     capture = decode(plan.record(10e-3, rng=1))
-    found = measured(capture._restored)
+    impedance = measured(capture._restored)
     s = 2j * np.pi * np.array([80e3, 167e3, 300e3])
-    y = 1 / found.resistance + 1 / (s * found.inductance) + s * found.capacitance
+    y = 1 / impedance.resistance + 1 / (s * impedance.inductance) + s * impedance.capacitance
     true = plan.network.transfer("0 m", s, to="0 m")
     assert np.abs(1 / y) == pytest.approx(np.abs(true), rel=0.03)
 
@@ -370,11 +370,11 @@ def test_a_record_begins_with_the_request_that_the_plan_computes():
     request = Request.data_exchange(1, 0xF)
     wave = plan.record(1e-3, rng=1, node="60 m")
     begin = round(50e-6 / 250e-9) - round(6.5e-6 / 250e-9)
-    asked = decode(wave).transactions["request"][0]
-    true = plan.waveform(asked, "60 m", before=6.5e-6)
-    heard = wave.u[begin : begin + true.u.size] - plan.voltages["60 m"]
-    np.testing.assert_allclose(heard, true.u, atol=1e-3)
-    assert request.bits[:7] == asked[:7]
+    bits = decode(wave).transactions["request"][0]
+    true = plan.waveform(bits, "60 m", before=6.5e-6)
+    recorded = wave.u[begin : begin + true.u.size] - plan.voltages["60 m"]
+    np.testing.assert_allclose(recorded, true.u, atol=1e-3)
+    assert request.bits[:7] == bits[:7]
 
 
 def test_a_slave_that_hears_no_request_is_dropped():
@@ -406,8 +406,8 @@ def joined(*waves):
 
 def silences(capture):
     """Return the verdict and the value of each slave's missing responses in a row."""
-    found = capture.check().table().query("rule == @RULE").set_index("object")
-    return {label: (row["verdict"], row["value"]) for label, row in found.iterrows()}
+    rows = capture.check().table().query("rule == @RULE").set_index("object")
+    return {label: (row["verdict"], row["value"]) for label, row in rows.iterrows()}
 
 
 def test_a_dead_slave_violates_a_rule_and_is_named():

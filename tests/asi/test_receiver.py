@@ -229,8 +229,8 @@ def test_the_start_moves_with_the_telegram_between_the_samples():
     starts = np.linspace(2e-6, 4e-6, 41)
     u = np.stack([ideal("0011001", 250e-9, start=start) for start in starts])
     for matched in (True, False):
-        found = receive(u, 250e-9, 7, matched=matched).start
-        assert found == pytest.approx(starts, abs=5e-9)
+        measured = receive(u, 250e-9, 7, matched=matched).start
+        assert measured == pytest.approx(starts, abs=5e-9)
 
 
 def test_silence_has_an_error_and_no_numbers():
@@ -301,10 +301,10 @@ def test_leading_axes_stay_and_large_batches_agree_with_single_telegrams():
     assert received.bits.shape == (5, 200, 7)
     assert received.start.shape == (5, 200)
     assert received.slots.shape == (5, 200, 16)
-    for place in [(0, 0), (2, 77), (4, 199)]:
-        alone = receive(u[place], 250e-9, 7)
+    for index in [(0, 0), (2, 77), (4, 199)]:
+        alone = receive(u[index], 250e-9, 7)
         for many, one in zip(received, alone, strict=True):
-            np.testing.assert_allclose(many[place], one, rtol=1e-9)
+            np.testing.assert_allclose(many[index], one, rtol=1e-9)
 
 
 @pytest.mark.parametrize("dt", [*GRIDS, 1e-6, 170e-9])
@@ -377,23 +377,23 @@ def test_any_numbers_give_a_result(u, dt, n_bits, matched, minimum, window):
     # 40 samples cannot contain a telegram unless they are a microsecond apart.
     if dt < 1e-6:
         assert received.error.all()
-    heard = received.error != SilenceError.code
-    assert (received.amplitude[heard] >= 0).all()
+    audible = received.error != SilenceError.code
+    assert (received.amplitude[audible] >= 0).all()
     for ratio in (received.weakest, received.ringing):
-        assert ((ratio[heard] >= 0) & (ratio[heard] <= 1)).all()
-    assert np.isnan(received.start[~heard]).all()
+        assert ((ratio[audible] >= 0) & (ratio[audible] <= 1)).all()
+    assert np.isnan(received.start[~audible]).all()
 
 
 def heard_by_hand(u, dt, n_bits, threshold, window, minimum):
     """Receive one row slot by slot; None if it is silent."""
     y = (u - u.mean()).tolist()
     samples, end = HALF_BIT / dt, len(y) - 1
-    loud = [place for place, value in enumerate(y) if abs(value) > minimum]
+    loud = [sample for sample, value in enumerate(y) if abs(value) > minimum]
     if not loud:
         return None
     sign = 1 if y[loud[0]] > 0 else -1
     near = range(loud[0], min(loud[0] + int(1.25 * samples), end) + 1)
-    at = max(near, key=lambda place: (sign * y[place], -place))
+    at = max(near, key=lambda sample: (sign * y[sample], -sample))
     peak = float(at)
     if 0 < at < end:
         left, right = sign * (y[at] - y[at - 1]), sign * (y[at] - y[at + 1])
@@ -424,18 +424,18 @@ def test_the_receiver_agrees_with_a_loop_over_slots_on_small_integers(dt, window
         half = rng.integers(-4, 5, (200, size)) * (rng.random((200, size)) < rng.random((200, 1)))
         u = np.concatenate([half, -half], axis=1).astype(float)
         settings = {"threshold": 0.5, "window": window, "minimum": 1.0}
-        heard = receive(u, dt, 7, matched=False, **settings)
-        silent = heard.error == SilenceError.code
+        reception = receive(u, dt, 7, matched=False, **settings)
+        silent = reception.error == SilenceError.code
         for row, values in enumerate(u):
             expected = heard_by_hand(values, dt, 7, **settings)
             assert silent[row] == (expected is None)
             if expected:
                 slots, *numbers = expected
-                assert heard.slots[row].tolist() == slots
+                assert reception.slots[row].tolist() == slots
                 names = ("start", "amplitude", "weakest", "ringing")
-                found = [getattr(heard, name)[row] for name in names]
-                assert found == pytest.approx(numbers, rel=1e-12, abs=1e-15)
-    assert heard.slots.dtype == np.int8
+                measured = [getattr(reception, name)[row] for name in names]
+                assert measured == pytest.approx(numbers, rel=1e-12, abs=1e-15)
+    assert reception.slots.dtype == np.int8
 
 
 @pytest.mark.parametrize("matched", [True, False])
@@ -448,8 +448,8 @@ def test_rounding_decides_nothing(matched, minimum, window):
         for early in (0, dt / 2):
             u = np.tile(ideal(RESPONSES, dt, start=5e-6 - early), (20, 1))
             u += 1e-12 * rng.normal(size=u.shape)
-            heard = receive(u, dt, 7, matched=matched, minimum=minimum, window=window)
-            for field in (heard.bits, heard.error, heard.slots):
+            reception = receive(u, dt, 7, matched=matched, minimum=minimum, window=window)
+            for field in (reception.bits, reception.error, reception.slots):
                 assert (field.reshape(20, 16, -1) == field[:16].reshape(16, -1)).all()
-            start = heard.start.reshape(20, 16)
+            start = reception.start.reshape(20, 16)
             assert start == pytest.approx(np.broadcast_to(start[0], start.shape), abs=1e-12)

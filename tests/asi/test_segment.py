@@ -54,10 +54,10 @@ def test_a_terminated_line_agrees_with_a_solution_of_the_nodal_equations():
     gamma = np.sqrt(z * y)
     admittance = np.zeros((s.size, 3, 3), complex)
     for k, metres in enumerate((5, 195)):
-        own = gamma / z / np.tanh(gamma * metres)
+        diagonal = gamma / z / np.tanh(gamma * metres)
         mutual = gamma / z / np.sinh(gamma * metres)
-        admittance[:, k, k] += own
-        admittance[:, k + 1, k + 1] += own
+        admittance[:, k, k] += diagonal
+        admittance[:, k + 1, k + 1] += diagonal
         admittance[:, k, k + 1] -= mutual
         admittance[:, k + 1, k] -= mutual
     device = 1 / 13.5e3 + 1 / (13.5e-3 * s) + 50e-12 * s
@@ -68,9 +68,9 @@ def test_a_terminated_line_agrees_with_a_solution_of_the_nodal_equations():
     for row, node in ((1, "5 m"), (2, "200 m")):
         drawn = np.zeros((s.size, 3, 1), complex)
         drawn[:, row, 0] = -current
-        heard = np.linalg.solve(admittance, drawn)[:, 0, 0]
+        voltage = np.linalg.solve(admittance, drawn)[:, 0, 0]
         t = np.arange(n) * dt
-        u = np.exp(a * t) * np.fft.irfft(heard, n) / dt
+        u = np.exp(a * t) * np.fft.irfft(voltage, n) / dt
         wave = plan.waveform(SIX, node, dt=50e-9, before=5e-6, after=20e-6)
         true = np.interp(np.arange(wave.u.size) * wave.dt, t, u)
         assert wave.u == pytest.approx(true, abs=5e-4 * np.abs(true).max())
@@ -111,13 +111,13 @@ def test_a_ring_agrees_with_its_two_halves_folded():
 
 def test_quality_is_the_worst_of_all_receptions():
     plan = line(140, slaves=(5, 70, 140))
-    found, wave = plan.quality(), plan.waveform(before=5e-6, after=55e-6)
-    heard = wave.receive()
-    assert found.evenness == pytest.approx(heard.weakest.min(axis=1), abs=1e-12)
-    assert found.ringing == pytest.approx(heard.ringing.max(axis=1), abs=1e-12)
-    assert found.level_least == pytest.approx(np.ptp(wave.u, axis=-1).min(axis=1), abs=1e-12)
-    assert (found.level_most >= found.level_least).all()
-    assert found.received.tolist() == [1, 1, 1]
+    quality, wave = plan.quality(), plan.waveform(before=5e-6, after=55e-6)
+    reception = wave.receive()
+    assert quality.evenness == pytest.approx(reception.weakest.min(axis=1), abs=1e-12)
+    assert quality.ringing == pytest.approx(reception.ringing.max(axis=1), abs=1e-12)
+    assert quality.level_least == pytest.approx(np.ptp(wave.u, axis=-1).min(axis=1), abs=1e-12)
+    assert (quality.level_most >= quality.level_least).all()
+    assert quality.received.tolist() == [1, 1, 1]
 
 
 def test_too_long_a_cable_loses_some_telegrams_and_no_signal_loses_all():
@@ -126,8 +126,8 @@ def test_too_long_a_cable_loses_some_telegrams_and_no_signal_loses_all():
     shorted = Network(plan.cables, {"0 m": Load(r=0.01, l=POWER_SUPPLY.l)})
     wave = plan.waveform()
     (silent,) = telegram_voltages(shorted, "0 m", ["10 m"], RESPONSES)
-    found = quality_of(type(wave)(silent, wave.dt, bits=wave.bits))
-    assert (found.evenness[0], found.ringing[0], found.received[0]) == (0, 1, 0)
+    quality = quality_of(type(wave)(silent, wave.dt, bits=wave.bits))
+    assert (quality.evenness[0], quality.ringing[0], quality.received[0]) == (0, 1, 0)
 
 
 @pytest.mark.parametrize(
@@ -165,8 +165,8 @@ def random_tree(rng, *, supplied):
     ]
     loads = {f"n{k}": DEVICE for k in range(count + 1) if k == 0 or rng.random() < 0.7}
     if supplied:
-        place = f"n{rng.integers(count + 1)}"
-        loads[place] = loads[place] + POWER_SUPPLY if place in loads else POWER_SUPPLY
+        node = f"n{rng.integers(count + 1)}"
+        loads[node] = loads[node] + POWER_SUPPLY if node in loads else POWER_SUPPLY
     return Network(runs, loads), f"n{rng.integers(count + 1)}"
 
 
@@ -221,7 +221,7 @@ def test_voltages_at_the_default_cut_off_agree_with_ngspice(case):
     far = int(name[3:]) if name.startswith("len") else 100
     places, supply = ((0, 5, 50, 55, 100), 50) if name == "b" else ((0, 5, far // 2, far), 0)
     runs = [CableRun(f"n{a}", f"n{b}", b - a, cable) for a, b in pairwise(places)]
-    loads = {f"n{place}": DEVICE for place in places}
+    loads = {f"n{number}": DEVICE for number in places}
     loads[f"n{supply}"] = POWER_SUPPLY if supply else POWER_SUPPLY + DEVICE
     u = telegram_voltages(
         Network(runs, loads),

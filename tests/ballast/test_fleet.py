@@ -79,8 +79,8 @@ def test_the_size_of_a_block_does_not_change_the_report(size, monkeypatch):
 def test_detection_rates_equal_those_of_a_loop_over_the_instants():
     commands = [Command("open", 5.0), Command("close", 40.0)]
     faults = [Fault("V1", start=30.0, stop=70.0, valves=3), Fault("G1", start=50.0, valves=2)]
-    options = dict(faults=faults, until=90.0, idle_step=1.0, rng=1)
-    run = simulate(3, commands, **options)
+    options = dict(faults=faults, until=90.0, rng=1)
+    run = simulate(3, commands, idle_step=1.0, **options)
     top = diagnose_run(run).top
     report = run_fleet(3, commands, **options)
     ends = [*run.time[1:], 90.0]

@@ -53,9 +53,9 @@ def test_features_equal_those_of_a_loop_over_the_points(strokes):
     places = np.arange(0, len(strokes.values), 9)
     table = strokes.table().iloc[places]
     flow = table["flow_opening"].fillna(table["flow_closing"])
-    found = np.column_stack([table["burst_1"], table["burst_2"], flow])
-    expected = [plain(strokes.values[place].astype(float)) for place in places]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance("ballast.strokes"))
+    features = np.column_stack([table["burst_1"], table["burst_2"], flow])
+    expected = [plain(strokes.values[stroke].astype(float)) for stroke in places]
+    np.testing.assert_allclose(features, expected, rtol=0, atol=tolerance("ballast.strokes"))
     assert (table["flow_opening"].notna() == table["opening"]).all()
 
 
@@ -75,9 +75,9 @@ def test_reported_strokes_equal_those_of_an_independent_program(scores):
 
 
 def test_limits_use_no_stroke_of_the_actuator_under_test(strokes):
-    mine = strokes.actuator == "Act_2"
+    tested = strokes.actuator == "Act_2"
     wild = strokes.values.copy()
-    wild[mine, :, 4:6] = np.where(np.arange(600)[:, np.newaxis] % 40 == 0, 9000, 10)
+    wild[tested, :, 4:6] = np.where(np.arange(600)[:, np.newaxis] % 40 == 0, 9000, 10)
     changed = Strokes(wild, strokes.actuator, strokes.condition, strokes.stroke)
     limits = [
         [variable["high"].corners[0] for variable in one.rules(without="Act_2").variables]
@@ -107,8 +107,8 @@ def test_another_file_is_scored_with_the_limits_of_the_shipped_one(strokes, scor
     saved = dict(np.load(datasets.path("vtnsi_actuator_strokes.npz")))
     saved = {key: x if key == "channels" else x[gear] for key, x in saved.items()}
     np.savez(path, **saved | {"actuator": np.full(gear.sum(), "Act_9")})
-    found = read_strokes(path).scores()
-    assert found["reported"].tolist() == scores["reported"].xs("Act_3", level="actuator").tolist()
+    scored = read_strokes(path).scores()
+    assert scored["reported"].tolist() == scores["reported"].xs("Act_3", level="actuator").tolist()
 
 
 def test_a_judge_is_called_with_other_actuators_and_the_one_under_test(strokes):
@@ -130,8 +130,8 @@ def test_a_stroke_that_does_not_move_is_reported_and_one_stroke_is_enough(stroke
     one = some(strokes, [0])
     assert one.scores()["reported"].tolist() == [0] * 6
     still = Strokes(np.zeros_like(one.values), one.actuator, one.condition, one.stroke)
-    found = still.scores()["reported"].xs("any", level="report")
-    assert found.tolist() == [1, 1]
+    reported = still.scores()["reported"].xs("any", level="report")
+    assert reported.tolist() == [1, 1]
     negative = Strokes(np.full_like(one.values, -9), one.actuator, one.condition, one.stroke)
     assert negative.scores()["strokes"].tolist() == [1] * 6
 

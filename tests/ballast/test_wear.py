@@ -40,8 +40,8 @@ def test_intervals_of_slope_and_crossing_have_the_stated_coverage(logarithmic):
         trend = fit_trend(FEW, line(rng, logarithmic, 0.5, 6.0, FEW), logarithmic=logarithmic)
         scale = 20 if logarithmic else 1
         inside += abs(trend.slope - 0.5 / scale) <= trend.slope_margin
-        found = trend.crossing(np.exp(limit / 20) if logarithmic else limit)
-        crossed += found.low <= 120 <= found.high
+        crossing = trend.crossing(np.exp(limit / 20) if logarithmic else limit)
+        crossed += crossing.low <= 120 <= crossing.high
     # 95 % of 400 is 380; four standard deviations are 17.
     assert 363 <= inside <= 397
     assert 363 <= crossed <= 397
@@ -52,14 +52,14 @@ def test_the_band_reaches_the_limit_where_the_crossing_says(logarithmic):
     y = line(np.random.default_rng(1), logarithmic, 0.5, 3.0)
     trend = fit_trend(X, y, logarithmic=logarithmic)
     limit = np.exp(110 / 20) if logarithmic else 110.0
-    found = trend.crossing(limit)
+    crossing = trend.crossing(limit)
 
     def meets(end, place):
         return trend.band(place)[end] - limit
 
-    assert float(trend.at(found.estimate)) == pytest.approx(limit)
-    assert brentq(lambda x: meets(1, x), X.mean(), 1000) == pytest.approx(found.low)
-    assert brentq(lambda x: meets(0, x), X.mean(), 1000) == pytest.approx(found.high)
+    assert float(trend.at(crossing.estimate)) == pytest.approx(limit)
+    assert brentq(lambda x: meets(1, x), X.mean(), 1000) == pytest.approx(crossing.low)
+    assert brentq(lambda x: meets(0, x), X.mean(), 1000) == pytest.approx(crossing.high)
 
 
 def test_the_band_equals_that_of_polyfit():
@@ -78,8 +78,8 @@ def test_least_squares_equal_those_of_scipy(logarithmic, noise):
     y = line(np.random.default_rng(11), logarithmic, 0.5, noise)
     trend = fit_trend(X, y, logarithmic=logarithmic)
     peer = linregress(X, np.log(y) if logarithmic else y)
-    found = (trend.slope, trend.slope_margin)
-    assert found == pytest.approx((peer.slope, t.ppf(0.975, 58) * peer.stderr), rel=1e-9)
+    fitted = (trend.slope, trend.slope_margin)
+    assert fitted == pytest.approx((peer.slope, t.ppf(0.975, 58) * peer.stderr), rel=1e-9)
     assert trend.p_value == pytest.approx(peer.pvalue, rel=1e-6)
 
 
@@ -111,10 +111,10 @@ def test_a_line_without_noise_is_found_exactly(logarithmic):
 def test_missing_points_and_those_without_a_logarithm_are_left_out():
     y = 3 + 0.2 * X
     gaps = np.where(X % 3 == 0, np.nan, y)
-    known = ~np.isnan(gaps)
-    assert fit_trend(X, gaps) == fit_trend(X[known], y[known])
-    gaps[~known] = -1.0
-    few = fit_trend(X[known], y[known], logarithmic=True)
+    present = ~np.isnan(gaps)
+    assert fit_trend(X, gaps) == fit_trend(X[present], y[present])
+    gaps[~present] = -1.0
+    few = fit_trend(X[present], y[present], logarithmic=True)
     assert fit_trend(X, gaps, logarithmic=True) == few
     with pytest.raises(ArgumentError, match="have 4 valid points; a trend needs 5"):
         fit_trend(X[:5], [np.nan, 1, 2, 3, 4])
@@ -196,9 +196,9 @@ def test_only_the_inverted_model_predicts_life_without_bias():
 def test_a_pump_that_does_not_wear_has_no_trend_and_no_end():
     wear = Wear.synthetic(1, 300, rate=1e-6, spread=0.0, rng=np.random.default_rng(3))
     for predictor in PREDICTORS:
-        found = wear.predict(1, 300, predictor=predictor)
-        assert not found.trend.found
-        assert np.isnan(found.remaining.estimate)
+        prediction = wear.predict(1, 300, predictor=predictor)
+        assert not prediction.trend.found
+        assert np.isnan(prediction.remaining.estimate)
 
 
 def test_arguments_of_wear_are_named():

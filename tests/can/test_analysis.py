@@ -20,9 +20,9 @@ RATES = [20e3, 50e3, 125e3, 250e3]
 
 def test_each_bit_rate_has_a_load_late_messages_and_a_verdict():
     messages = can.example()
-    found = can.analyse(messages, reversed(RATES))
-    table = found.table()
-    assert (1e3 * table.index).tolist() == RATES == list(found.responses)
+    analysis = can.analyse(messages, reversed(RATES))
+    table = analysis.table()
+    assert (1e3 * table.index).tolist() == RATES == list(analysis.responses)
     for rate, row in zip(RATES, table.itertuples(), strict=True):
         responses = can.response_times(messages, rate)
         assert row.load_percent == pytest.approx(100 * can.bus_load(messages, rate))
@@ -30,10 +30,10 @@ def test_each_bit_rate_has_a_load_late_messages_and_a_verdict():
         assert row.first_late == (responses.late[0] if responses.late else "")
         assert (row.critical_percent > 100) == (row.late > 0)
         assert row.some_order == can.audsley(messages, rate).feasible
-    assert found.lowest == 125e3 == found.at_lowest.bit_rate and found.ok
+    assert analysis.lowest == 125e3 == analysis.at_lowest.bit_rate and analysis.ok
     # Simulated responses never exceed the bound, and can be late where the analysis says so.
-    played = can.simulate(messages, found.lowest, until=10.0).table()["max_ms"]
-    assert (played <= found.at_lowest.table()["response_ms"] + 1e-9).all()
+    played = can.simulate(messages, analysis.lowest, until=10.0).table()["max_ms"]
+    assert (played <= analysis.at_lowest.table()["response_ms"] + 1e-9).all()
     blocked = can.MessageSet(replace(m, offset=1e-4 * (m.name != "bearings")) for m in messages)
     slow = can.simulate(blocked, 50e3, until=1.0).table()["max_ms"]
     assert slow["speed"] > 1e3 * messages["speed"].deadline
@@ -46,18 +46,18 @@ def test_another_order_may_allow_a_lower_bit_rate():
             [("slow", 0.1, 0.1), ("other", 0.1, 0.1), ("fast", 10e-3, 6e-3)]
         )
     )
-    found = can.analyse(turned, [50e3, 62.5e3, 125e3])
-    assert (found.lowest, found.lowest_in_best_order) == (125e3, 50e3)
-    assert found.best.messages.names[0] == "fast" and found.best.feasible
-    assert repr(found).endswith("lowest bit rate: 125 kbit/s, in the best order: 50 kbit/s)")
-    assert found.table()["some_order"].all()
+    analysis = can.analyse(turned, [50e3, 62.5e3, 125e3])
+    assert (analysis.lowest, analysis.lowest_in_best_order) == (125e3, 50e3)
+    assert analysis.best.messages.names[0] == "fast" and analysis.best.feasible
+    assert repr(analysis).endswith("lowest bit rate: 125 kbit/s, in the best order: 50 kbit/s)")
+    assert analysis.table()["some_order"].all()
 
 
 def test_a_set_that_is_late_at_all_bit_rates_is_reported():
-    found = can.analyse(can.example(), 10e3)
-    assert found.lowest == found.lowest_in_best_order == math.inf
-    assert not found.best.feasible and "lowest bit rate: none" in repr(found)
-    assert not found.ok and found.at_lowest is found.responses[10e3]
+    analysis = can.analyse(can.example(), 10e3)
+    assert analysis.lowest == analysis.lowest_in_best_order == math.inf
+    assert not analysis.best.feasible and "lowest bit rate: none" in repr(analysis)
+    assert not analysis.ok and analysis.at_lowest is analysis.responses[10e3]
     few = can.faults.ErrorBound(interval=0.001)
     assert can.analyse(can.example(), 125e3, faults=few).lowest == math.inf
     assert can.analyse(can.MessageSet([]), 125e3).lowest == 125e3
@@ -108,15 +108,15 @@ def loads(log, rate=250e3):
 )
 def test_the_load_of_a_recorded_bus_is_that_of_its_log(name, kinds):
     log = can.read_capture(datasets.path(f"sigrok_nmea2000_{name}.sr"), 250e3).log
-    found = can.analyse(log)
+    analysis = can.analyse(log)
     load, measured = loads(log)
     assert 0.95 * measured < load < 1.23 * measured < 0.04
-    assert found.lowest <= 125e3 and (found.table()["late"] == 0)[125.0:].all()
+    assert analysis.lowest <= 125e3 and (analysis.table()["late"] == 0)[125.0:].all()
     # Fast packets of several frames are sent in bursts; the others are periodic.
-    assert found.messages.observed["kind"].value_counts().to_dict() == kinds
-    assert {"0x09F80100", "0x09F80200"}.isdisjoint(irregular(found.messages))
+    assert analysis.messages.observed["kind"].value_counts().to_dict() == kinds
+    assert {"0x09F80100", "0x09F80200"}.isdisjoint(irregular(analysis.messages))
     words = ", ".join(f"{kinds[kind]} {kind}" for kind in sorted(kinds))
-    assert found.verdict.endswith(f"; from a log: {words}")
+    assert analysis.verdict.endswith(f"; from a log: {words}")
     snippet = can.read_capture(datasets.path("sigrok_nmea2000_snippet.sr"), 250e3).log
     assert can.compare(log, snippet).ok and can.compare(log, log).ok
 
@@ -138,40 +138,40 @@ def test_the_log_of_a_busy_plan_has_the_verdict_of_the_plan(seed, monotonic):
     ]
     while can.bus_load(can.MessageSet(plan), 125e3) > 0.8:
         plan.pop()
-    wanted = can.analyse(can.MessageSet(plan))
-    found = can.analyse(can.simulate(can.MessageSet(plan), 125e3, until=20.0).log())
-    assert found.messages.periods == pytest.approx([m.period for m in plan], rel=1e-3)
-    assert found.responses[125e3].late == wanted.responses[125e3].late
-    assert found.lowest == wanted.lowest
+    expected = can.analyse(can.MessageSet(plan))
+    analysis = can.analyse(can.simulate(can.MessageSet(plan), 125e3, until=20.0).log())
+    assert analysis.messages.periods == pytest.approx([m.period for m in plan], rel=1e-3)
+    assert analysis.responses[125e3].late == expected.responses[125e3].late
+    assert analysis.lowest == expected.lowest
     if monotonic:
-        assert irregular(found.messages) == []
-        assert found.lowest_in_best_order == wanted.lowest_in_best_order
+        assert irregular(analysis.messages) == []
+        assert analysis.lowest_in_best_order == expected.lowest_in_best_order
         columns = ["late", "first_late", "critical", "some_order"]
-        assert found.table()[columns][125:].equals(wanted.table()[columns][125:])
+        assert analysis.table()[columns][125:].equals(expected.table()[columns][125:])
     else:
         # Some messages are late; if they wait for longer than a period, they are not periodic.
-        assert wanted.responses[125e3].late and len(irregular(found.messages)) <= 3
+        assert expected.responses[125e3].late and len(irregular(analysis.messages)) <= 3
 
 
 def test_a_drifting_clock_makes_no_message_late():
     gaps = 0.01 + 0.0004 * np.sin(np.linspace(0, 2 * np.pi, 3000))
     log = joined(log_of(np.cumsum(gaps)), log_of(np.arange(300) * 0.1, 0x20))
-    found = can.analyse(log)
-    assert irregular(found.messages) == []
-    assert found.messages.observed.loc["0x010", "jitter_ms"] < 0.01
+    analysis = can.analyse(log)
+    assert irregular(analysis.messages) == []
+    assert analysis.messages.observed.loc["0x010", "jitter_ms"] < 0.01
     assert can.compare(log, log).ok
-    assert found.messages.periods == pytest.approx([0.01, 0.1], rel=1e-3)
-    assert (found.lowest, found.at_lowest.late) == (50e3, [])
+    assert analysis.messages.periods == pytest.approx([0.01, 0.1], rel=1e-3)
+    assert (analysis.lowest, analysis.at_lowest.late) == (50e3, [])
 
 
 def test_a_burst_may_be_queued_at_once_but_loads_the_bus_at_its_mean_rate():
     # Seven frames, 1 ms apart, once per second, above a message with a period of 10 ms.
     bursts = (np.arange(30)[:, np.newaxis] + np.arange(7) * 1e-3).ravel()
     log = joined(log_of(bursts), log_of(np.arange(3000) * 0.01 + 0.5e-3, 0x20))
-    found = can.analyse(log, [125e3, 250e3])
-    burst = found.messages["0x010"]
-    assert irregular(found.messages) == ["0x010"]
-    seen = found.messages.observed.loc["0x010"]
+    analysis = can.analyse(log, [125e3, 250e3])
+    burst = analysis.messages["0x010"]
+    assert irregular(analysis.messages) == ["0x010"]
+    seen = analysis.messages.observed.loc["0x010"]
     assert seen[["kind", "burst"]].tolist() == ["burst", 7]
     assert seen[["period_ms", "shortest_ms"]].tolist() == pytest.approx([1000, 1])
     # Its mean rate, and a jitter that allows seven frames within the 6 ms that they take.
@@ -179,7 +179,7 @@ def test_a_burst_may_be_queued_at_once_but_loads_the_bus_at_its_mean_rate():
     assert burst.period == pytest.approx(span / 210, abs=1e-9)
     assert burst.jitter == pytest.approx(6 * (burst.period - 1e-3) - step, abs=1e-8)
     # The last of them is queued 6 ms after the first. Until then, the lower message waits for six.
-    below = found.responses[250e3]["0x020"]
+    below = analysis.responses[250e3]["0x020"]
     assert below.response == pytest.approx((6 + 1) * 135 / 250e3)
     alike = can.MessageSet(
         [
@@ -188,7 +188,7 @@ def test_a_burst_may_be_queued_at_once_but_loads_the_bus_at_its_mean_rate():
         ]
     )
     assert can.simulate(alike, 250e3, until=1.0).table().max_ms["below"] <= 1e3 * below.response
-    assert (burst.deadline, found.ok) == (burst.period, True)
+    assert (burst.deadline, analysis.ok) == (burst.period, True)
     load, measured = loads(log)
     assert measured < load < 1.23 * measured
     # Counted from the event, a response includes the jitter, and so does the deadline.
@@ -200,17 +200,17 @@ def test_a_node_that_is_on_for_part_of_the_log_makes_no_other_message_late(share
     start = 100 * (1 - share)
     parts = [log_of(np.arange(start, 100, 0.01) + n * 1e-4, n + 1) for n in range(5)]
     log = joined(*parts, log_of(np.arange(0, 100, 0.01) + 1e-3, 0x20))
-    found = can.analyse(log)
-    assert len(irregular(found.messages)) == 5 and found.lowest <= 125e3
+    analysis = can.analyse(log)
+    assert len(irregular(analysis.messages)) == 5 and analysis.lowest <= 125e3
     load, measured = loads(log)
     assert measured < load < 1.23 * measured
 
 
 def test_messages_seen_once_and_twice_count_with_the_frames_of_the_log():
     log = joined(log_of(np.arange(101) / 10), log_of([5.0], 0x20), log_of([3.0, 3.1], 0x30))
-    found = can.analyse(log)
-    assert found.messages.periods.tolist() == [0.1, 10.0, 5.0]
-    assert irregular(found.messages) == ["0x020", "0x030"] and found.ok
+    analysis = can.analyse(log)
+    assert analysis.messages.periods.tolist() == [0.1, 10.0, 5.0]
+    assert irregular(analysis.messages) == ["0x020", "0x030"] and analysis.ok
     assert log.messages(period=1.0)["0x020"].period == 1.0
     assert can.analyse(log_of([1.0, 1.5])).messages.periods.tolist() == [0.5]
 
@@ -357,12 +357,12 @@ def test_events_are_of_their_own_kind_and_count_at_their_mean_rate():
     rng = np.random.default_rng(7)
     events = np.cumsum(0.05 + rng.exponential(1.0, 200))
     log = joined(log_of(events), log_of(np.arange(0, events[-1], 0.1) + 1e-3, 0x20))
-    found = can.analyse(log, [125e3])
-    seen = found.messages.observed.loc["0x010"]
+    analysis = can.analyse(log, [125e3])
+    seen = analysis.messages.observed.loc["0x010"]
     assert seen["kind"] == "event" and math.isnan(seen["period_ms"])
     assert seen["shortest_ms"] == pytest.approx(1e3 * np.diff(events).min(), abs=1e-3)
-    assert found.messages["0x010"].period == pytest.approx(np.ptp(log.time) / 200)
-    assert found.verdict.endswith("; from a log: 1 event, 1 periodic") and found.ok
+    assert analysis.messages["0x010"].period == pytest.approx(np.ptp(log.time) / 200)
+    assert analysis.verdict.endswith("; from a log: 1 event, 1 periodic") and analysis.ok
     assert can.compare(log, log).ok
 
 
@@ -379,11 +379,11 @@ def test_no_log_is_late_compared_with_itself(data):
     stamps = st.lists(st.integers(0, 20_000), min_size=1, max_size=40)
     log = joined(*(log_of(np.array(data.draw(stamps)) * step, key) for key in range(1, 4)))
     try:
-        found = can.compare(log, log)
+        comparison = can.compare(log, log)
     except ArgumentError as refused:
         assert "a message set requires" in str(refused)
         return
-    assert found.ok, found.table()
+    assert comparison.ok, comparison.table()
 
 
 # A plan and a log ------------------------------------------------------------------------------
@@ -404,9 +404,9 @@ def test_a_log_of_the_planned_messages_is_as_planned_in_every_format(tmp_path):
     python_can = pytest.importorskip("can")
     write_with(python_can, tmp_path / "theirs.blf", log)
     for written in (log, tmp_path / "theirs.blf"):
-        found = can.compare(tmp_path / "list.csv", written)
-        assert found.ok and found.verdict == "10 messages, all as planned"
-    table = found.table()
+        comparison = can.compare(tmp_path / "list.csv", written)
+        assert comparison.ok and comparison.verdict == "10 messages, all as planned"
+    table = comparison.table()
     with python_can.LogReader(tmp_path / "theirs.blf") as reader:
         theirs = pd.DataFrame(
             [(f"0x{m.arbitration_id:03X}", m.timestamp) for m in reader], columns=["id", "t"]
@@ -436,8 +436,8 @@ def test_missing_unknown_late_faster_and_other_frames_are_named():
             can.Message("seldom", 0x701, 8, 60.0),
         ]
     )
-    found = can.compare(plan, log)
-    odd = found.table()["verdict"].loc[lambda verdict: verdict != "as planned"]
+    comparison = can.compare(plan, log)
+    odd = comparison.table()["verdict"].loc[lambda verdict: verdict != "as planned"]
     assert odd.to_dict() == {
         "speed": "late",
         "fuel index": "faster",
@@ -447,8 +447,8 @@ def test_missing_unknown_late_faster_and_other_frames_are_named():
         "seldom": "not seen",
         "0x080": "unknown",
     }
-    said = "11 messages, 1 missing, 2 late, 1 faster, 1 other length, 1 unknown, 1 not seen"
-    assert (found.ok, found.verdict) == (False, said)
+    summary = "11 messages, 1 missing, 2 late, 1 faster, 1 other length, 1 unknown, 1 not seen"
+    assert (comparison.ok, comparison.verdict) == (False, summary)
 
 
 @given(
@@ -468,9 +468,9 @@ def test_late_and_faster_agree_with_a_check_of_all_pairs_of_frames(times, period
     late = any(span > n * period * (1 + CLOCK_TOLERANCE) + slack for n, span in pairs)
     late |= silences.max() > period * (1 + CLOCK_TOLERANCE) + slack
     faster = any(span < n * period * (1 - CLOCK_TOLERANCE) - slack for n, span in pairs)
-    found = can.compare(can.MessageSet([message]), both).table().loc["A"]
-    assert ("late" in found["verdict"], "faster" in found["verdict"]) == (late, faster)
-    assert found["longest_ms"] == 1e3 * silences.max()
+    row = can.compare(can.MessageSet([message]), both).table().loc["A"]
+    assert ("late" in row["verdict"], "faster" in row["verdict"]) == (late, faster)
+    assert row["longest_ms"] == 1e3 * silences.max()
 
 
 def test_a_message_that_falls_silent_is_late_and_a_short_log_shows_nothing():

@@ -43,10 +43,10 @@ def edges_of(frames, per_bit, off=0.0, seed=1, flip=False, gap=3, jitter=0.01, l
             bits[rng.integers(1, len(bits) - 12)] ^= 1
         bits = np.concatenate([[1], bits, [1]])
         changes = np.flatnonzero(np.diff(bits))
-        own = per_bit * (1 + rng.choice([-off, off]))
+        bit_time = per_bit * (1 + rng.choice([-off, off]))
         lag = late * per_bit * bits[changes + 1] + rng.normal(0, jitter * per_bit, len(changes))
-        times.append(at + changes * own + lag)
-        at += len(frame.bits) * own + (gap + rng.random() + rng.integers(0, 40)) * per_bit
+        times.append(at + changes * bit_time + lag)
+        at += len(frame.bits) * bit_time + (gap + rng.random() + rng.integers(0, 40)) * per_bit
     samples = np.ceil(np.concatenate(times)).astype(int)
     return samples, int(at) + 20
 
@@ -117,31 +117,31 @@ def test_every_frame_of_the_boat_is_right(boat):
 
 
 def test_the_labels_of_the_board_are_not_bus_loads():
-    found = {name: read_capture(file) for name, file in BOARD.items()}
-    assert {name: len(capture.log) for name, capture in found.items()} == {
+    captures = {name: read_capture(file) for name, file in BOARD.items()}
+    assert {name: len(capture.log) for name, capture in captures.items()} == {
         "25": 14,
         "75": 107,
         "extended": 5,
     }
-    assert all(not capture.log.faults for capture in found.values())
-    starts = {name: np.median(np.diff(found[name].table()["start_s"])) for name in ("25", "75")}
+    assert all(not capture.log.faults for capture in captures.values())
+    starts = {name: np.median(np.diff(captures[name].table()["start_s"])) for name in ("25", "75")}
     assert starts["25"] / starts["75"] == pytest.approx(8, rel=1e-3)
-    loads = {name: found[name].loads()["load"] for name in ("25", "75")}
+    loads = {name: captures[name].loads()["load"] for name in ("25", "75")}
     assert loads["25"]["with intermission"] < 0.004
     assert loads["75"]["with intermission"] < 0.03
-    assert read_back(found["extended"])[0].extended
+    assert read_back(captures["extended"])[0].extended
 
 
 def fast_packets(log):
     """Return the numbers of messages with several frames, of their frames, and of gaps in them."""
     messages = frames = breaks = 0
     for number in (0x09F20101, 0x0DF80500, 0x19FA0400, 0x1DFF1601, 0x15FF1001):
-        mine = log.data[log.arbitration_id == number].astype(int)
-        counter, position = mine[:, 0] >> 5, mine[:, 0] & 31
+        frames_of_number = log.data[log.arbitration_id == number].astype(int)
+        counter, position = frames_of_number[:, 0] >> 5, frames_of_number[:, 0] & 31
         begins = np.flatnonzero(position == 0)
         # The first frame gives the number of bytes: 6 in this frame, 7 in each of the others.
-        size = 1 + -(-(mine[begins, 1] - 6) // 7)
-        messages, frames = messages + len(begins), frames + len(mine)
+        size = 1 + -(-(frames_of_number[begins, 1] - 6) // 7)
+        messages, frames = messages + len(begins), frames + len(frames_of_number)
         breaks += int((np.diff(begins) != size[:-1]).sum()) + int(begins[0] != 0)
         same = np.diff(position) == 1
         breaks += int((~same & (position[1:] != 0)).sum() + (np.diff(counter)[same] != 0).sum())
@@ -166,9 +166,9 @@ def test_bits_on_the_line_are_those_of_the_frames(boat):
 
 def test_the_detected_rate_gives_the_same_frames_as_the_stated_rate():
     for file, rate in [(SNIPPET, 250e3), *((file, 125e3) for file in BOARD.values())]:
-        found, given = read_capture(file), read_capture(file, rate)
-        assert found.bit_rate == rate
-        assert found.table().equals(given.table())
+        detected, stated = read_capture(file), read_capture(file, rate)
+        assert detected.bit_rate == rate
+        assert detected.table().equals(stated.table())
 
 
 # An independent check ---------------------------------------------------------------------------
@@ -178,8 +178,8 @@ def test_rows_are_read_like_single_frames():
     rng = np.random.default_rng(7)
     frames = some_frames(1500, 3)
     line = np.ones((176, len(frames)), dtype=np.uint8)
-    known = rng.integers(1, 180, len(frames))
-    known[rng.random(len(frames)) < 0.8] = 176
+    lengths = rng.integers(1, 180, len(frames))
+    lengths[rng.random(len(frames)) < 0.8] = 176
     for column, frame in enumerate(frames):
         line[: len(frame.bits), column] = [int(bit) for bit in frame.bits]
         kind = rng.integers(0, 4)
@@ -190,20 +190,20 @@ def test_rows_are_read_like_single_frames():
             line[start : start + rng.integers(2, 8), column] = rng.integers(0, 2)
         elif kind == 3:
             line[1:, column] = rng.integers(0, 2, 175)
-    rows = read_rows(line, known)
+    rows = read_rows(line, lengths)
     seen = set()
     for column in range(len(frames)):
-        text = "".join(map(str, line[: known[column], column].tolist()))
+        text = "".join(map(str, line[: lengths[column], column].tolist()))
         try:
-            frame, code, place = can.decode(text), 0, -1
+            frame, code, position = can.decode(text), 0, -1
         except FrameError as fault:
             frame, code = None, fault.code
             words = str(fault).replace("before bit", "bit").split("bit ")[1]
-            place = int("".join(c for c in words.split(",")[0] if c.isdigit()))
+            position = int("".join(c for c in words.split(",")[0] if c.isdigit()))
         # A frame is complete without the last bit of end of frame, which receivers ignore.
-        if code == 1 and place == rows.tail[column] + 9:
+        if code == 1 and position == rows.tail[column] + 9:
             continue
-        assert (rows.error[column], rows.place[column]) == (code, place), text
+        assert (rows.error[column], rows.place[column]) == (code, position), text
         seen.add(code)
         if frame:
             assert frame.data == rows.data[column].tobytes()[: len(frame.data)]

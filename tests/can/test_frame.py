@@ -46,8 +46,8 @@ def test_the_fields_cover_the_frame_without_and_with_stuff_bits(frame):
         line_start += field.line_length
         assert int(plain[field.start : start], 2) == field.value
         within = range(field.line_start, line_start)
-        own = [k for k in within if k not in frame.stuff_positions]
-        assert "".join(frame.bits[k] for k in own) == plain[field.start : start]
+        unstuffed = [k for k in within if k not in frame.stuff_positions]
+        assert "".join(frame.bits[k] for k in unstuffed) == plain[field.start : start]
     assert (start, line_start) == (len(plain), len(frame.bits))
     for k in frame.stuff_positions:
         assert len(set(frame.bits[k - 5 : k])) == 1 and frame.bits[k] != frame.bits[k - 1]
@@ -137,15 +137,15 @@ def test_a_frame_is_read_back_from_a_stream(frame, behind):
     assert decode(frame.bits + behind) == frame
 
 
-def flipped(bits, place):
-    return bits[:place] + "10"[int(bits[place])] + bits[place + 1 :]
+def flipped(bits, index):
+    return bits[:index] + "10"[int(bits[index])] + bits[index + 1 :]
 
 
 @given(frames(), st.data())
 def test_every_single_wrong_bit_but_the_last_is_detected(frame, data):
-    place = data.draw(st.integers(0, len(frame.bits) - 1))
-    damaged = flipped(frame.bits, place) + "1" * 40
-    if place < len(frame.bits) - 1:
+    index = data.draw(st.integers(0, len(frame.bits) - 1))
+    damaged = flipped(frame.bits, index) + "1" * 40
+    if index < len(frame.bits) - 1:
         with pytest.raises(FrameError):
             decode(damaged)
     assert decode(flipped(frame.bits, len(frame.bits) - 1)) == frame
@@ -186,7 +186,7 @@ def test_a_frame_cut_short_names_the_bit_and_the_field_that_it_lacks(frame):
 
 
 @pytest.mark.parametrize(
-    ("place", "error", "message"),
+    ("index", "error", "message"),
     [
         (0, StartBitError, "bit 0, SOF: recessive"),
         (-10, FormError, "CRC delimiter: dominant"),
@@ -196,12 +196,12 @@ def test_a_frame_cut_short_names_the_bit_and_the_field_that_it_lacks(frame):
         (-2, FormError, "EOF: dominant"),
     ],
 )
-def test_each_rule_names_bit_and_field(place, error, message):
+def test_each_rule_names_bit_and_field(index, error, message):
     bits = Frame(0x155, b"\x55").bits
-    place %= len(bits)
+    index %= len(bits)
     with pytest.raises(error, match=message) as caught:
-        decode(flipped(bits, place))
-    assert str(caught.value).startswith(f"bit {place}, ")
+        decode(flipped(bits, index))
+    assert str(caught.value).startswith(f"bit {index}, ")
 
 
 def test_stuff_crc_and_reserved_bits_name_bit_and_field():
@@ -211,9 +211,9 @@ def test_stuff_crc_and_reserved_bits_name_bit_and_field():
     ):
         decode(bits[:5] + "000000" + bits[11:])
     frame = Frame(0x155, b"\x55\x55")
-    place = next(f.line_start for f in frame.fields if f.name == "data")
+    index = next(f.line_start for f in frame.fields if f.name == "data")
     with pytest.raises(CrcError, match=r"bit \d+, CRC sequence: received 0x[0-9a-f]{4}, but comp"):
-        decode(flipped(frame.bits, place))
+        decode(flipped(frame.bits, index))
     with pytest.raises(FormError, match=r"bit 14, r0: recessive, .* CAN FD"):
         decode(flipped(frame.bits, 14))
     extended = Frame(0x15555555, b"\x55", extended=True)
@@ -231,7 +231,7 @@ def test_stuff_crc_and_reserved_bits_name_bit_and_field():
 
 def test_an_error_flag_is_seen_at_its_sixth_bit():
     frame = Frame(0x123, b"ship")
-    for place in range(1, 60):
+    for index in range(1, 60):
         with pytest.raises(StuffError) as caught:
-            decode(frame.bits[:place] + "0" * 6 + "1" * 11)
-        assert place <= int(str(caught.value).split()[1].rstrip(",")) <= place + 5
+            decode(frame.bits[:index] + "0" * 6 + "1" * 11)
+        assert index <= int(str(caught.value).split()[1].rstrip(",")) <= index + 5

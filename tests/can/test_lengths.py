@@ -66,12 +66,12 @@ def over_all_frames(extended, dlc):
             for run in range(5):
                 same = last == bit and run != 4
                 if same and run == 3:
-                    place, stuff = (target, 1 - bit, 0), 1
+                    state, stuff = (target, 1 - bit, 0), 1
                 else:
-                    place, stuff = (target, bit, run + 1 if same else 0), 0
-                new_mass[place] += weight * mass[:, last, run]
-                new_mean[place] += weight * (mean[:, last, run] + stuff * mass[:, last, run])
-                new_most[place] = np.maximum(new_most[place], most[:, last, run] + stuff)
+                    state, stuff = (target, bit, run + 1 if same else 0), 0
+                new_mass[state] += weight * mass[:, last, run]
+                new_mean[state] += weight * (mean[:, last, run] + stuff * mass[:, last, run])
+                new_most[state] = np.maximum(new_most[state], most[:, last, run] + stuff)
 
     tables = (mass, mean, most)
     # The bits from start of frame to the data; None where a bit is free.
@@ -136,22 +136,22 @@ def test_other_wrong_arguments_are_refused():
 # Millions of frames.
 
 
-def columns(found):
+def columns(frames):
     """Return the arguments of the batch functions for frames."""
-    data = np.array([list(frame.data.ljust(8, b"\xa5")) for frame in found], np.uint8)
+    data = np.array([list(frame.data.ljust(8, b"\xa5")) for frame in frames], np.uint8)
     return (
-        [frame.arbitration_id for frame in found],
+        [frame.arbitration_id for frame in frames],
         data.reshape(-1, 8),
-        [frame.dlc for frame in found],
+        [frame.dlc for frame in frames],
     ), {
-        "extended": [frame.extended for frame in found],
-        "remote": [frame.remote for frame in found],
+        "extended": [frame.extended for frame in frames],
+        "remote": [frame.remote for frame in frames],
     }
 
 
-def assert_batch_is_as_frames(found):
-    arguments, flags = columns(found)
-    assert measure_frames(*arguments, **flags).tolist() == [frame.length for frame in found]
+def assert_batch_is_as_frames(frames):
+    arguments, flags = columns(frames)
+    assert measure_frames(*arguments, **flags).tolist() == [frame.length for frame in frames]
 
 
 @given(st.lists(frames(), min_size=1, max_size=8))
@@ -164,16 +164,16 @@ def test_the_longest_frames_are_measured():
 
 
 def test_lengths_are_those_of_can_utils():
-    found = rows("can_utils_lengths.csv")
-    data = np.array([list(bytes.fromhex(row["data_hex"]).ljust(8, b"\0")) for row in found])
+    cases = rows("can_utils_lengths.csv")
+    data = np.array([list(bytes.fromhex(row["data_hex"]).ljust(8, b"\0")) for row in cases])
     lengths = measure_frames(
-        [int(row["arbitration_id_hex"], 16) for row in found],
+        [int(row["arbitration_id_hex"], 16) for row in cases],
         data,
-        [len(row["data_hex"]) // 2 for row in found],
-        extended=[row["extended"] == "1" for row in found],
-        remote=[row["remote"] == "1" for row in found],
+        [len(row["data_hex"]) // 2 for row in cases],
+        extended=[row["extended"] == "1" for row in cases],
+        remote=[row["remote"] == "1" for row in cases],
     )
-    assert lengths.tolist() == [int(row["length_with_intermission"]) for row in found]
+    assert lengths.tolist() == [int(row["length_with_intermission"]) for row in cases]
 
 
 def test_bytes_of_zero_cost_more_stuff_bits_than_random_data():

@@ -319,8 +319,8 @@ def test_load_is_vectorised_over_bit_rates():
     assert load == pytest.approx(each / rates, rel=1e-12)
     assert type(bus_load(messages, 125e3)) is float
     # A length given by the message itself is used, however stuff bits are counted.
-    own = MessageSet([messages["B"]])
-    assert len({bus_load(own, 125e3, way) for way in ("none", "mean", "worst")}) == 1
+    alone = MessageSet([messages["B"]])
+    assert len({bus_load(alone, 125e3, way) for way in ("none", "mean", "worst")}) == 1
     assert bus_load(MessageSet([]), [125_000]).tolist() == [0]
 
 
@@ -353,8 +353,8 @@ def test_titles_can_be_named_and_a_period_given(tmp_path):
     file = tmp_path / "yard.csv"
     file.write_text("Name;Number;DLC;Every\noil;0x10;8;20\ngas;0x11;4;\n")
     columns = {"Number": "arbitration_id", "Every": "period_ms"}
-    found = read_messages(file, columns=columns, period=0.5)
-    assert found.periods.tolist() == [0.02, 0.5]
+    read = read_messages(file, columns=columns, period=0.5)
+    assert read.periods.tolist() == [0.02, 0.5]
     with pytest.raises(InputError, match=r"row 3, column Every \(D\): is empty"):
         read_messages(file, columns=columns)
     with pytest.raises(InputError, match="no column 'cycle'; the titles are Name, Number"):
@@ -423,11 +423,13 @@ def test_a_dbc_with_faults_is_read_without_strict_and_they_are_listed(tmp_path):
         assert fault in str(caught.value)
     assert "is not a DBC file" not in str(caught.value)
     assert "strict=False accepts the message" in str(caught.value)
-    found = read_messages(file, strict=False)
-    assert found.names == ("Speed", "Short")
-    assert all(said.startswith(fault) for said, fault in zip(found.overlooked, faults, strict=True))
-    assert repr(found) == "MessageSet(2 messages: Speed, Short; 3 faults overlooked)"
-    assert read_messages(file, strict=False) == found.replace("Speed", dlc=8)
+    messages = read_messages(file, strict=False)
+    assert messages.names == ("Speed", "Short")
+    assert all(
+        remark.startswith(fault) for remark, fault in zip(messages.overlooked, faults, strict=True)
+    )
+    assert repr(messages) == "MessageSet(2 messages: Speed, Short; 3 faults overlooked)"
+    assert read_messages(file, strict=False) == messages.replace("Speed", dlc=8)
 
 
 def test_a_cycle_time_that_is_text_is_read_or_refused():
@@ -531,18 +533,18 @@ def test_a_list_of_a_yard_is_read_like_a_plain_one(tmp_path, text):
 
 def test_what_is_left_out_of_a_list_or_not_used_is_said(tmp_path):
     text = "Name;CAN-ID;DLC;Cycle;Maker\nMain engine;;;;\noil;1;8;20 ms;A\ngas;2;;1 s;\n"
-    found = load(tmp_path, text.replace("2;;1", "2;do.;1"))
-    assert found["gas"].dlc == 8
-    assert found.remarks == (
+    messages = load(tmp_path, text.replace("2;;1", "2;do.;1"))
+    assert messages["gas"].dlc == 8
+    assert messages.remarks == (
         "not used: Maker",
         "left out, not a message: a subtitle, page header, page footer or note: 1 row (2)",
         "DLC: ditto marks filled from the row above: 1 row (4)",
     )
-    assert "1 row (4)" in repr(found)
+    assert "1 row (4)" in repr(messages)
     assert (
         read_messages(tmp_path / "set.csv", columns={"Maker": "note"}).remarks[0].startswith("le")
     )
-    assert MessageSet(found).remarks == example().remarks == ()
+    assert MessageSet(messages).remarks == example().remarks == ()
 
 
 @pytest.mark.parametrize(

@@ -62,14 +62,14 @@ def davis_messages():
 
 @pytest.mark.parametrize("row", [row for row in davis() if row["method"] == "davis"])
 def test_the_example_of_davis_2007_is_reproduced(row):
-    found = response_times(davis_messages(), 125_000)[row["name"]]
-    assert found.frame_time == float(row["C_ms_125k"]) / 1e3
-    assert found.instances == tuple(r / 1e3 for r in json.loads(row["R_per_instance_ms"]))
-    assert found.response == float(row["R_ms"]) / 1e3
-    assert found.met is (row["deadline_met"] == "True")
-    assert found.blocking == float(row["B_ms"]) / 1e3
-    assert found.busy_period == float(row["busy_period_ms"]) / 1e3
-    assert len(found.instances) == int(row["Q"])
+    result = response_times(davis_messages(), 125_000)[row["name"]]
+    assert result.frame_time == float(row["C_ms_125k"]) / 1e3
+    assert result.instances == tuple(r / 1e3 for r in json.loads(row["R_per_instance_ms"]))
+    assert result.response == float(row["R_ms"]) / 1e3
+    assert result.met is (row["deadline_met"] == "True")
+    assert result.blocking == float(row["B_ms"]) / 1e3
+    assert result.busy_period == float(row["busy_period_ms"]) / 1e3
+    assert len(result.instances) == int(row["Q"])
 
 
 def message_set(frames, periods, jitters=None, deadlines=None):
@@ -132,10 +132,10 @@ def play(frames, releases, *, begun=None, faults=(), error_bits=31):
 @given(small_sets())
 def test_the_worst_release_attains_the_response_of_every_instance(drawn):
     frames, periods, jitters = drawn
-    for m, found in enumerate(response_times(message_set(*drawn), FAST)):
+    for m, result in enumerate(response_times(message_set(*drawn), FAST)):
         blocking = max(frames[m + 1 :], default=0)
-        assert found.blocking == pytest.approx(blocking * US, rel=1e-15)
-        busy = round(found.busy_period / US)
+        assert result.blocking == pytest.approx(blocking * US, rel=1e-15)
+        busy = round(result.busy_period / US)
         # All are queued at 0, as late as possible; another frame began one bit time earlier.
         arrivals = [
             [q * period - jitter for q in range((busy + jitter) // period + 2)]
@@ -145,7 +145,7 @@ def test_the_worst_release_attains_the_response_of_every_instance(drawn):
         begun = (-1, blocking + 1) if blocking else None
         finish = play(frames, releases, begun=begun)[m]
         expected = [end - arrival for end, arrival in zip(finish, arrivals[m], strict=True)]
-        instances = [round(response / US) for response in found.instances]
+        instances = [round(response / US) for response in result.instances]
         assert instances == expected[: len(instances)]
         assert len(instances) == -(-(busy + jitters[m]) // periods[m])
 
@@ -160,10 +160,10 @@ def test_the_worst_release_attains_the_response_of_every_instance(drawn):
 )
 def test_times_that_exceed_64_bits_are_computed_without_rounding(odd):
     messages = [Message(f"m{k}", k, 8, 0.1) for k in range(80)]
-    found = response_times(MessageSet([*messages, Message("odd", 99, 8, **odd)]), 999_983)
+    results = response_times(MessageSet([*messages, Message("odd", 99, 8, **odd)]), 999_983)
     alone = response_times(MessageSet([*messages, Message("odd", 99, 8, 0.1)]), 999_983)
-    assert [one[1:] for one in found[:-1]] == [one[1:] for one in alone[:-1]]
-    assert found["odd"].response == ((81 * 135) / 999_983 if odd == {"period": 1e5} else math.inf)
+    assert [one[1:] for one in results[:-1]] == [one[1:] for one in alone[:-1]]
+    assert results["odd"].response == ((81 * 135) / 999_983 if odd == {"period": 1e5} else math.inf)
 
 
 @given(small_sets(), st.integers(0, 3), st.integers(300, 10**5))
@@ -195,8 +195,8 @@ def test_large_sets_at_odd_bit_rates_are_compiled(messages, interval):
 def test_no_release_and_no_faults_exceed_the_bound(drawn, burst, seed):
     frames, periods, jitters = drawn
     rng = np.random.default_rng(seed)
-    found = response_times(message_set(*drawn), FAST, faults=errors(burst))
-    bound = [round(min(each.response / US, 10**9)) for each in found]
+    results = response_times(message_set(*drawn), FAST, faults=errors(burst))
+    bound = [round(min(each.response / US, 10**9)) for each in results]
     for _ in range(3):
         arrivals = [
             rng.integers(period) + period * np.arange(6000 // period + 2) for period in periods
@@ -238,8 +238,8 @@ def test_the_published_responses_with_faults_are_reproduced(count):
     # Their 29 bits exclude the intermission, which is part of a frame here.
     few = errors(count, bits=26)
     between = Assumptions(intermission="between")
-    found = response_times(messages, 250e3, assumptions=between, faults=few)
-    for one, (_, period, alone) in zip(found, BROSTER, strict=False):
+    results = response_times(messages, 250e3, assumptions=between, faults=few)
+    for one, (_, period, alone) in zip(results, BROSTER, strict=False):
         # An error costs 29 bits, and 132 bits of the longest frame, which is the most urgent.
         if alone + 0.644 * count < period and (count == 0 or one.message.name in ("m0", "m7")):
             assert one.response * 1e3 == pytest.approx(alone + 0.644 * count, abs=1e-9)
@@ -303,8 +303,8 @@ def test_each_assumption_shifts_the_response_by_its_bits():
     )
 
     def response(name="A", **changes):
-        found = response_times(messages, 125_000, assumptions=Assumptions(**changes))
-        return next(r.response for r in found if r.message.name == name)
+        results = response_times(messages, 125_000, assumptions=Assumptions(**changes))
+        return next(r.response for r in results if r.message.name == name)
 
     def bits(n):
         return pytest.approx(n / 125_000, rel=1e-12)
@@ -350,8 +350,8 @@ def test_a_load_of_almost_one_ends_or_counts_as_endless():
 def test_a_bit_time_that_is_not_a_whole_nanosecond_stays_exact():
     # 135 bits at 30 kbit/s are 4.5 ms to the last digit: the period ends with the frame.
     lone = MessageSet([Message("A", 1, 8, 4.5e-3)])
-    found = response_times(lone, 30_000)[0]
-    assert (found.response, found.met, len(found.instances)) == (4.5e-3, True, 1)
+    result = response_times(lone, 30_000)[0]
+    assert (result.response, result.met, len(result.instances)) == (4.5e-3, True, 1)
     assert response_times(lone, 29_999)[0].response == math.inf
     # Three frames, each a third of the period long, fill the bus; one bit/s less is too little.
     thirds = MessageSet([Message(f"m{k}", k, 8, 13.5e-3) for k in range(3)])
@@ -390,11 +390,11 @@ def test_a_wrong_assumption_or_error_bound_is_refused(make, message):
 
 
 def test_the_table_agrees_with_the_results():
-    found = response_times(davis_messages(), 125_000)
-    table = found.table()
-    assert found["C"] == found[-1] and (found.bit_rate, table.index.name) == (125_000, "name")
-    assert (found.met, found.late, found.critical) == (False, ["C"], "C")
-    assert repr(found) == "ResponseTimes(3 messages at 125 kbit/s, 1 late, critical: C)"
+    results = response_times(davis_messages(), 125_000)
+    table = results.table()
+    assert results["C"] == results[-1] and (results.bit_rate, table.index.name) == (125_000, "name")
+    assert (results.met, results.late, results.critical) == (False, ["C"], "C")
+    assert repr(results) == "ResponseTimes(3 messages at 125 kbit/s, 1 late, critical: C)"
     expected = {
         "frame_ms": [1.0, 1.0, 1.0],
         "blocking_ms": [1.0, 1.0, 0.0],
@@ -409,7 +409,7 @@ def test_the_table_agrees_with_the_results():
     nothing = response_times(MessageSet([]), 125_000).table()
     assert (len(nothing), [*nothing], nothing["met"].dtype) == (0, [*table], bool)
     with pytest.raises(ArgumentError, match="name is 'D'; the messages are A, B, C"):
-        found["D"]
+        results["D"]
 
 
 def test_a_response_without_bound_and_a_set_without_messages_are_drawn():

@@ -96,9 +96,9 @@ def test_a_simulation_bit_by_bit_finds_the_same_transmissions(messages):
     frames = run_of(messages, 2000 * BIT_MS / 1e3).events()
     slow = bit_by_bit(messages, 2000)
     for name, expected in slow.items():
-        mine = frames[frames["message"] == name]
-        assert (mine["release_ms"] / BIT_MS).round(6).tolist() == [when for when, _ in expected]
-        starts = (mine["start_ms"] / BIT_MS).round(6).tolist()
+        rows = frames[frames["message"] == name]
+        assert (rows["release_ms"] / BIT_MS).round(6).tolist() == [when for when, _ in expected]
+        starts = (rows["start_ms"] / BIT_MS).round(6).tolist()
         assert [None if np.isnan(t) else t for t in starts] == [start for _, start in expected]
 
 
@@ -122,11 +122,11 @@ def test_a_batch_equals_the_single_runs_to_the_nanosecond(messages, seed):
         one = run_of(messages.assign(offset_ms=offset * 1e3), 0.03).table()
         longest = np.fmax(longest, one["max_ms"])
         assert batch.sent[row].tolist() == one["sent"].tolist()
-        for mine, theirs in (
+        for single, theirs in (
             (batch.max_response, one["max_ms"]),
             (batch.mean_response, one["mean_ms"]),
         ):
-            assert np.allclose(mine[row] * 1e9, theirs * 1e6, rtol=0, atol=1e-3, equal_nan=True)
+            assert np.allclose(single[row] * 1e9, theirs * 1e6, rtol=0, atol=1e-3, equal_nan=True)
     table = batch.table()
     assert table.index.equals(one.index)
     assert table["sent"].tolist() == batch.sent.sum(axis=0).tolist()
@@ -135,8 +135,8 @@ def test_a_batch_equals_the_single_runs_to_the_nanosecond(messages, seed):
 
 def bounds(messages):
     """Return the bounds of the analysis [bit], by message."""
-    found = response_times(as_set(messages), RATE)
-    return {one.message.name: round(one.response * RATE, 6) for one in found}
+    responses = response_times(as_set(messages), RATE)
+    return {one.message.name: round(one.response * RATE, 6) for one in responses}
 
 
 @settings(max_examples=50)
@@ -285,10 +285,10 @@ def test_retries_follow_their_probability(faults):
     mean, deviation = chance / (1 - chance), np.sqrt(chance) / (1 - chance)
     assert abs(frames.mean() - mean) < 4 * deviation / np.sqrt(len(frames))
     # The first disturbed bit, if there is one, has a truncated geometric distribution.
-    hit, place = run.errors()["bit"].to_numpy(), np.arange(bits)
-    weight = (1 - rate) ** place * rate / chance
-    expected = (weight * place).sum()
-    spread = np.sqrt((weight * place**2).sum() - expected**2)
+    hit, bit = run.errors()["bit"].to_numpy(), np.arange(bits)
+    weight = (1 - rate) ** bit * rate / chance
+    expected = (weight * bit).sum()
+    spread = np.sqrt((weight * bit**2).sum() - expected**2)
     assert hit.min() <= 1
     assert hit.max() >= 119
     assert abs(hit.mean() - expected) < 4 * spread / np.sqrt(len(hit))
@@ -336,8 +336,8 @@ def test_a_disturbed_bus_carries_one_frame_at_a_time_and_loses_none(messages, se
 def test_statistics_are_those_of_the_transmissions():
     run = run_of(table(deadline_ms=[2.5, 3.25, 3.25]), 1.0)
     by = run.events().groupby("message", observed=True)["response_ms"]
-    for mine, theirs in (("min_ms", by.min()), ("mean_ms", by.mean()), ("max_ms", by.max())):
-        assert run.table()[mine].tolist() == pytest.approx(theirs.tolist(), rel=1e-12)
+    for column, theirs in (("min_ms", by.min()), ("mean_ms", by.mean()), ("max_ms", by.max())):
+        assert run.table()[column].tolist() == pytest.approx(theirs.tolist(), rel=1e-12)
     late = (run.events()["response_ms"] > 3.25) & (run.events()["message"] == "0x003")
     assert run.table()["missed"].tolist() == [0, 0, late.sum()]
     assert late.sum() > 0

@@ -24,8 +24,8 @@ def check_everything(design, settings):
     check_connection(design)
     check_lengths(design)
     for segment in design.segments.itertuples():
-        own = Segment(design, segment, settings)
-        {"AS-i": check_asi, "CAN": check_can, "Modbus RTU": check_modbus}[segment.bus](own)
+        network = Segment(design, segment, settings)
+        {"AS-i": check_asi, "CAN": check_can, "Modbus RTU": check_modbus}[segment.bus](network)
 
 
 def check_tables(design):
@@ -60,8 +60,8 @@ def check_points(design, settings):
             assert ends[point.tag] == (2 if line[point.device] == "A" else 1)
             assert point.device and point.bus
             assert point.tag not in reasons
-            own = runs[(runs["b"] == point.tag) & runs["kind"].isin(["drop", "home run"])]
-            assert own["a"].iloc[0] == point.device
+            drops = runs[(runs["b"] == point.tag) & runs["kind"].isin(["drop", "home run"])]
+            assert drops["a"].iloc[0] == point.device
         else:
             assert ends[point.tag] == 0
             assert point.tag in reasons
@@ -136,76 +136,78 @@ def check_both_lines(design, segment):
         pd.testing.assert_frame_equal(first.drop(columns="line"), second.drop(columns="line"))
 
 
-def check_chain(own, longest):
+def check_chain(segment, longest):
     """The trunk runs from the master past each station once, and so does the second line."""
-    doubled = len(own.second) > 0
-    assert own.design.name not in OPTIONS or own.design.name.endswith("doubled") == doubled
-    lines = [own.trunk, own.second] if doubled else [own.trunk]
+    doubled = len(segment.second) > 0
+    assert segment.design.name not in OPTIONS or segment.design.name.endswith("doubled") == doubled
+    lines = [segment.trunk, segment.second] if doubled else [segment.trunk]
     for trunk in lines:
-        assert len(trunk) == own.count("station")
+        assert len(trunk) == segment.count("station")
         assert trunk["length_m"].sum() <= longest + CLOSE
-        assert set(trunk["b"]) == set(own.devices.loc[own.devices["kind"] == "station", "device"])
-    assert own.count("master") == len(lines)
-    assert own.count("terminator") == 2 * len(lines)
+        assert set(trunk["b"]) == set(
+            segment.devices.loc[segment.devices["kind"] == "station", "device"]
+        )
+    assert segment.count("master") == len(lines)
+    assert segment.count("terminator") == 2 * len(lines)
     longer = max(trunk["length_m"].sum() for trunk in lines)
-    assert own.row.length_m >= longer - CLOSE
+    assert segment.row.length_m >= longer - CLOSE
 
 
-def check_can(own):
+def check_can(segment):
     """Check bits (no overlap), station and update time per message, load, nodes and length."""
-    limits = own.settings.can
+    limits = segment.settings.can
     table = datasets.read("can_bus_lengths.csv").astype({"bit_rate_kbit_per_s": float})
-    reach = table.loc[table["bit_rate_kbit_per_s"] * 1e3 >= own.row.bit_rate, "length_m"]
-    check_chain(own, reach.astype(float).max())
-    assert own.count("station") + 1 <= limits.nodes
+    reach = table.loc[table["bit_rate_kbit_per_s"] * 1e3 >= segment.row.bit_rate, "length_m"]
+    check_chain(segment, reach.astype(float).max())
+    assert segment.count("station") + 1 <= limits.nodes
     bits = defaultdict(set)
     about = defaultdict(set)
-    for point in own.points.itertuples():
+    for point in segment.points.itertuples():
         identifier, bit = re.fullmatch(r"(0x[0-9a-f]+) bit (\d+)", point.address).groups()
-        kind = own.type[point.Index]
+        kind = segment.type[point.Index]
         taken = set(range(int(bit), int(bit) + (16 if kind[0] == "A" else 1)))
         assert not taken & bits[identifier] and max(taken) < 64
         bits[identifier] |= taken
-        about[identifier].add((point.device, kind[1], own.need[point.Index]))
+        about[identifier].add((point.device, kind[1], segment.need[point.Index]))
     assert all(len(kinds) == 1 for kinds in about.values())
-    assert len(bits) == own.row.messages
+    assert len(bits) == segment.row.messages
     load, order = 0.0, {}
     for identifier, taken in bits.items():
         ((_, _, need),) = about[identifier]
-        frame = (55 + 10 * ceil(max(taken) / 8 + 1e-9)) / own.row.bit_rate
+        frame = (55 + 10 * ceil(max(taken) / 8 + 1e-9)) / segment.row.bit_rate
         load += frame / (limits.period_share * need)
         order[int(identifier, 16)] = need
-    assert abs(load - own.row.bus_time) < 1e-9 and load <= limits.load + 1e-9
-    nodes = (own.count("station") + 1) / limits.nodes
-    assert abs(own.row.capacity_used - max(load, nodes)) < 1e-9
+    assert abs(load - segment.row.bus_time) < 1e-9 and load <= limits.load + 1e-9
+    nodes = (segment.count("station") + 1) / limits.nodes
+    assert abs(segment.row.capacity_used - max(load, nodes)) < 1e-9
     assert all(order[a] <= order[b] for a, b in pairwise(sorted(order)))
 
 
-def check_modbus(own):
+def check_modbus(segment):
     """Check unit ids, registers (no overlap), unit loads and length; compute the scan by hand."""
-    limits = own.settings.modbus
-    check_chain(own, limits.length * (1 + limits.repeaters))
-    stations = own.count("station")
+    limits = segment.settings.modbus
+    check_chain(segment, limits.length * (1 + limits.repeaters))
+    stations = segment.count("station")
     assert stations <= limits.units
-    repeaters = own.count("repeater") // (2 if len(own.second) else 1)
-    assert repeaters == own.row.repeaters <= limits.repeaters
+    repeaters = segment.count("repeater") // (2 if len(segment.second) else 1)
+    assert repeaters == segment.row.repeaters <= limits.repeaters
     assert stations + 1 + 2 * repeaters <= limits.unit_loads * (1 + repeaters)
     units = defaultdict(lambda: {"input": set(), "holding": set()})
     devices = defaultdict(set)
-    for point in own.points.itertuples():
+    for point in segment.points.itertuples():
         unit, kind, register, _, bit = re.fullmatch(
             r"(\d+) (input|holding) register (\d+)( bit (\d+))?", point.address
         ).groups()
-        analogue, output = own.type[point.Index][0] == "A", own.type[point.Index][1] == "O"
+        analogue, output = segment.type[point.Index][0] == "A", segment.type[point.Index][1] == "O"
         assert (bit is None) == analogue and (kind == "holding") == output
-        place = (int(register), -1 if bit is None else int(bit))
-        assert place not in units[unit][kind] and place[1] < 16
-        units[unit][kind].add(place)
+        bit_place = (int(register), -1 if bit is None else int(bit))
+        assert bit_place not in units[unit][kind] and bit_place[1] < 16
+        units[unit][kind].add(bit_place)
         devices[unit].add(point.device)
     assert sorted(map(int, units)) == list(range(1, stations + 1))
     assert all(len(names) == 1 for names in devices.values())
-    character = 11 / own.row.bit_rate
-    silence = 1.75e-3 if own.row.bit_rate > 19200 else 3.5 * character
+    character = 11 / segment.row.bit_rate
+    silence = 1.75e-3 if segment.row.bit_rate > 19200 else 3.5 * character
     scan, slowest, given_up, on_wire = 0.0, {}, 0.0, 0.0
     for unit, kinds in units.items():
         times = []
@@ -222,34 +224,34 @@ def check_modbus(own):
         given_up += (9 + 2 * written if written else 8) * character + waiting
         scan += sum(times)
         slowest[unit] = max(times)
-    assert abs(1e3 * scan - own.row.scan_ms) < CLOSE
-    assert abs(on_wire / scan - own.row.bus_time) < 1e-9
+    assert abs(1e3 * scan - segment.row.scan_ms) < CLOSE
+    assert abs(on_wire / scan - segment.row.bus_time) < 1e-9
     room = min(limits.units, (1 + limits.repeaters) * (limits.unit_loads - 2) + 1)
-    used = max(scan / own.need.min(), stations / room)
-    assert abs(used - own.row.capacity_used) < 1e-9
-    if len(own.second):
-        assert abs(1e3 * (scan + given_up) - own.row.switch_over_ms) < CLOSE
+    used = max(scan / segment.need.min(), stations / room)
+    assert abs(used - segment.row.capacity_used) < 1e-9
+    if len(segment.second):
+        assert abs(1e3 * (scan + given_up) - segment.row.switch_over_ms) < CLOSE
     else:
-        assert np.isnan(own.row.switch_over_ms)
-    for point in own.points.itertuples():
+        assert np.isnan(segment.row.switch_over_ms)
+    for point in segment.points.itertuples():
         response = scan + slowest[point.address.split()[0]]
         assert abs(1e3 * response - point.response_ms) < CLOSE
-    slower = [rate for rate in limits.bit_rates if rate < own.row.bit_rate]
-    assert own.row.bit_rate in limits.bit_rates and (not slower or own.row.scan_ms > 0)
+    slower = [rate for rate in limits.bit_rates if rate < segment.row.bit_rate]
+    assert segment.row.bit_rate in limits.bit_rates and (not slower or segment.row.scan_ms > 0)
 
 
-def check_asi(own):
+def check_asi(segment):
     """Check addresses, ports, cable and repeaters in series; compute the cycle by hand."""
-    limits = own.settings.asi
-    modules = own.points.groupby("device")
+    limits = segment.settings.asi
+    modules = segment.points.groupby("device")
     labels, ports = {}, defaultdict(list)
     for device, points in modules:
         label, *_ = {address.split()[0] for address in points["address"]}
         assert all(address.split()[0] == label for address in points["address"])
         labels[device] = label
         ports[device] = [address.split()[1] for address in points["address"]]
-    assert len(set(labels.values())) == len(labels) == own.row.slaves == own.count("module")
-    parts, before = _asi_parts(own)
+    assert len(set(labels.values())) == len(labels) == segment.row.slaves == segment.count("module")
+    parts, before = _asi_parts(segment)
     on_address, delays = defaultdict(list), defaultdict(list)
     for device, label in labels.items():
         number, half = re.fullmatch(r"(\d+)([AB]?)", label).groups()
@@ -262,13 +264,13 @@ def check_asi(own):
         assert limits.shared or halves == [""]
     assert len(labels) <= (62 if limits.shared else 31)
     # The status request may go to the slave with the longest delay.
-    rest = 156e-6 * (len(on_address) + 2) + max(map(max, delays.values()))
-    cycle = rest + sum(map(max, delays.values()))
-    two_cycles = 2 * rest + sum(2 * sum(pair) / len(pair) for pair in delays.values())
-    assert abs(own.row.cycle_ms - 1e3 * cycle) < CLOSE
+    without_delays = 156e-6 * (len(on_address) + 2) + max(map(max, delays.values()))
+    cycle = without_delays + sum(map(max, delays.values()))
+    two_cycles = 2 * without_delays + sum(2 * sum(pair) / len(pair) for pair in delays.values())
+    assert abs(segment.row.cycle_ms - 1e3 * cycle) < CLOSE
     # 21 bits per exchange, management included; the search for a new slave is not answered.
     bits = 21 * (len(on_address) + 1) + 14
-    assert abs(bits * 6e-6 / cycle - own.row.bus_time) < 1e-9
+    assert abs(bits * 6e-6 / cycle - segment.row.bus_time) < 1e-9
     used = [len(on_address) / 31]
     for device, points in modules:
         (number, _), names = re.fullmatch(r"(\d+)([AB]?)", labels[device]).groups(), ports[device]
@@ -279,8 +281,8 @@ def check_asi(own):
             turns = 2
         cycles = both * turns
         time = cycles // 2 * two_cycles + cycles % 2 * cycle
-        used.append(time / own.need[points.index].min())
-    assert abs(max(used) - own.row.capacity_used) < 1e-9
+        used.append(time / segment.need[points.index].min())
+    assert abs(max(used) - segment.row.capacity_used) < 1e-9
     for device, names in ports.items():
         assert len(set(names)) == len(names)
         kinds = Counter(re.sub(r"\d", "", name) for name in names)
@@ -288,34 +290,34 @@ def check_asi(own):
         assert kinds["AI"] + kinds["AQ"] <= limits.channels
         assert not (kinds["AI"] + kinds["AQ"] and (len(kinds) > 1 or labels[device][-1] in "AB"))
     assert max(parts) <= limits.length + CLOSE
-    assert abs(sum(parts) - own.row.length_m) < 0.02 * len(own.trunk)
+    assert abs(sum(parts) - segment.row.length_m) < 0.02 * len(segment.trunk)
     assert max(before.values()) <= limits.repeaters
-    assert own.count("supply") == len(parts)
-    assert own.row.supply_current_a <= 8 and own.row.lowest_v >= 26.5 - CLOSE
+    assert segment.count("supply") == len(parts)
+    assert segment.row.supply_current_a <= 8 and segment.row.lowest_v >= 26.5 - CLOSE
 
 
-def _asi_parts(own):
+def _asi_parts(segment):
     """Return the cable of each electrical segment, and the number of repeaters before each node."""
-    repeaters = own.devices[own.devices["kind"] == "repeater"].set_index("device")["at"]
+    repeaters = segment.devices[segment.devices["kind"] == "repeater"].set_index("device")["at"]
     graph = nx.Graph()
     line = nx.Graph()
-    for run in own.trunk.itertuples():
+    for run in segment.trunk.itertuples():
         a = f"{run.a} out" if run.a in repeaters else run.a
         b = f"{run.b} in" if run.b in repeaters else run.b
         graph.add_edge(a, b, length=run.length_m)
         line.add_edge(run.a, run.b)
     for name, at in repeaters.items():
         if at:
-            master = own.devices.loc[own.devices["kind"] == "master", "device"].item()
-            line.add_edge(name, master if at == own.design.cabinet else at)
+            master = segment.devices.loc[segment.devices["kind"] == "master", "device"].item()
+            line.add_edge(name, master if at == segment.design.cabinet else at)
     parts = [
         sum(length for *_, length in graph.subgraph(part).edges(data="length"))
         for part in nx.connected_components(graph)
     ]
-    master = own.devices.loc[own.devices["kind"] == "master", "device"].item()
+    master = segment.devices.loc[segment.devices["kind"] == "master", "device"].item()
     if master not in graph:
         parts.append(0.0)
         line.add_node(master)
     ways = nx.single_source_shortest_path(line, master)
-    assert set(ways) >= set(own.points["device"])
+    assert set(ways) >= set(segment.points["device"])
     return parts, {end: sum(node in repeaters for node in way[:-1]) for end, way in ways.items()}

@@ -82,12 +82,15 @@ def test_the_headline_names_the_cheapest_design_without_violations_and_its_extra
     one, two = small_loop(), small_loop(redundant=True)
     costs = [design.quantities()["total_cost_eur"] for design in (one, two)]
     less = number(costs[1] - costs[0])
-    found = compare([one, two], rules=rules)
-    assert found.best is two and found.verdict == (
+    comparison = compare([one, two], rules=rules)
+    assert comparison.best is two and comparison.verdict == (
         f"example, redundant, {number(costs[1])} EUR, is the only design that connects every point "
         f"and violates no rule; example costs {less} EUR less but violates 'two'"
     )
-    assert found.conclusions()[:2] == [f"E{found.verdict[1:]}.", "example violates 'two'."]
+    assert comparison.conclusions()[:2] == [
+        f"E{comparison.verdict[1:]}.",
+        "example violates 'two'.",
+    ]
     assert "less" not in compare([two], rules=rules).verdict
     assert compare([one], rules=rules).conclusions()[0] == (
         "Every design that connects all points violates a rule."
@@ -101,8 +104,8 @@ def test_the_headline_says_how_many_rules_are_not_verified_and_how_many_are_unre
     unshown = Rule("memory", "", 0, confirmed="yes")
 
     def doubt(*rules):
-        said = compare([small_loop()], rules=RuleSet(rules)).verdict
-        return said.partition("violates no rule")[2]
+        verdict = compare([small_loop()], rules=RuleSet(rules)).verdict
+        return verdict.partition("violates no rule")[2]
 
     assert doubt(read) == ""
     assert doubt(read, unshown) == " (1 of 2 rules not verified)"
@@ -114,8 +117,8 @@ def test_the_summary_names_the_rules_that_each_design_violates():
         Rule(f"rule {n}", "lines of a link", 9, bound="at least", confirmed="yes") for n in range(5)
     )
     both = compare([small_loop(), small_loop(redundant=True)], rules=RuleSet(rules))
-    said = "example, example, redundant violate 'rule 0', 'rule 1', 'rule 2' and 2 more."
-    assert said in both.conclusions()
+    sentence = "example, example, redundant violate 'rule 0', 'rule 1', 'rule 2' and 2 more."
+    assert sentence in both.conclusions()
 
 
 #: A rule set that every design that connects all points meets, and one that a single line violates.
@@ -136,26 +139,26 @@ def test_the_probability_of_being_the_cheapest_agrees_with_an_integral(terminato
         extra = one.devices.iloc[[-1]].assign(device="extra", kind=kind, at="")
         devices = pd.concat([one.devices, extra])
         designs.append(replace(one, name=kind, devices=devices).priced(values))
-    found = compare(designs, rules=NO_LIMIT)
+    comparison = compare(designs, rules=NO_LIMIT)
     a, b = (
         triang(c=(mode - low) / max(high - low, 1e-3), loc=low, scale=max(high - low, 1e-3))
         for low, mode, high in prices.values()
     )
     x = np.linspace(min(a.ppf(0), b.ppf(0)), max(a.ppf(1), b.ppf(1)), 20_001)
     expected = float((np.diff(b.cdf(x)) * a.cdf((x[1:] + x[:-1]) / 2)).sum())
-    assert found.chances["terminator"] == pytest.approx(expected, abs=0.025)
-    assert list(found.chances) == found.meeting
-    assert sum(found.chances.values()) == pytest.approx(1)
-    percent = re.search(r"cheapest with (\d+) % probability", found.verdict)
-    chance = 100 * found.chances[found.best.name]
+    assert comparison.chances["terminator"] == pytest.approx(expected, abs=0.025)
+    assert list(comparison.chances) == comparison.meeting
+    assert sum(comparison.chances.values()) == pytest.approx(1)
+    percent = re.search(r"cheapest with (\d+) % probability", comparison.verdict)
+    chance = 100 * comparison.chances[comparison.best.name]
     assert int(percent[1]) == pytest.approx(min(max(chance, 1), 99), abs=0.51)
-    assert found.chances == compare(designs, rules=NO_LIMIT).chances
+    assert comparison.chances == compare(designs, rules=NO_LIMIT).chances
 
 
 def test_a_probability_of_one_or_zero_is_not_claimed():
-    found = compare([small_loop(), small_loop(redundant=True)], rules=NO_LIMIT)
-    assert found.chances == {"example": 1, "example, redundant": 0}
-    assert "(cheapest with 99 % probability)" in found.verdict
+    comparison = compare([small_loop(), small_loop(redundant=True)], rules=NO_LIMIT)
+    assert comparison.chances == {"example": 1, "example, redundant": 0}
+    assert "(cheapest with 99 % probability)" in comparison.verdict
     assert compare([small_loop()], rules=TWO_LINES).chances == {}
 
 
@@ -163,8 +166,8 @@ def test_the_headline_names_the_doubled_bus_that_would_be_the_best():
     iolist, ways = ship(60), ["home runs", "CAN"]
     cost = iolist.plan("CAN doubled", (0, 0, 0)).quantities()["total_cost_eur"]
     remedy = f"CAN doubled would cost {number(cost)} EUR and violate none of the rules verified"
-    found = iolist.compare((0, 0, 0), ways, rules=TWO_LINES)
-    assert found.best.name == "home runs" and found.verdict.endswith(f"; {remedy}")
+    comparison = iolist.compare((0, 0, 0), ways, rules=TWO_LINES)
+    assert comparison.best.name == "home runs" and comparison.verdict.endswith(f"; {remedy}")
     assert iolist.compare((0, 0, 0), ["CAN"], rules=TWO_LINES).verdict == (
         f"every design that connects all points violates a rule; {remedy}"
     )
@@ -176,9 +179,9 @@ def test_the_headline_names_the_doubled_bus_that_would_be_the_best():
 
 
 def test_single_and_doubled_buses_are_columns_of_one_table():
-    found = ship(30).compare((0, 0, 0))
-    assert list(found.designs) == list(found.short().columns) == list(OPTIONS)
-    costs, lost = found.table()["total_cost_eur"], found.table()["lost_by_cable"]
+    comparison = ship(30).compare((0, 0, 0))
+    assert list(comparison.designs) == list(comparison.short().columns) == list(OPTIONS)
+    costs, lost = comparison.table()["total_cost_eur"], comparison.table()["lost_by_cable"]
     # On CAN and Modbus, a point has one cable to its station; on AS-i, one to each module.
     for bus, least in (("AS-i", 0), ("CAN", 1), ("Modbus RTU", 1)):
         assert costs[bus] < costs[f"{bus} doubled"] and lost[bus] > lost[f"{bus} doubled"] == least
@@ -186,56 +189,61 @@ def test_single_and_doubled_buses_are_columns_of_one_table():
 
 def test_barriers_of_points_without_a_position_have_no_other_place():
     lengths = IoList.parse("tag,signal,home run\nA,contact,20\nB,4-20mA Ex ia,30\n")
-    said = "Intrinsically safe points: 1, each with a barrier in the cabinet."
-    assert said in lengths.compare().conclusions()
+    sentence = "Intrinsically safe points: 1, each with a barrier in the cabinet."
+    assert sentence in lengths.compare().conclusions()
 
 
 def test_a_list_without_positions_cannot_be_compared_and_says_what_to_give():
     lengths = IoList.parse("tag,signal,home run\nA,contact,20\nB,4-20mA Ex ia,30\n")
-    found = lengths.compare(settings={"field_barriers": True})
-    cost = number(found.quantities["home runs"]["total_cost_eur"])
-    assert found.verdict.startswith(
+    comparison = lengths.compare(settings={"field_barriers": True})
+    cost = number(comparison.quantities["home runs"]["total_cost_eur"])
+    assert comparison.verdict.startswith(
         "nothing to compare: only home runs can connect points; give the position of each point, "
         f"as x, y, z or frame, deck and side; home runs, {cost} EUR, is the only design that"
     )
-    table = found.table().drop(columns=["points_left_out", "pareto"]).drop(index="home runs")
+    table = comparison.table().drop(columns=["points_left_out", "pareto"]).drop(index="home runs")
     assert len(table) == 7 and table.isna().all(axis=None)
-    short = found.short()
+    short = comparison.short()
     assert short.loc["rules violated"].tolist() == ["0", *["-"] * 7]
     assert short.loc["total cost [EUR]"].tolist() == [cost, *["-"] * 7]
-    assert sum(said.endswith("(and 1 more).") for said in found.conclusions()) == 1
-    assert "no point is connected" in repr(found.quantities["CAN"])
-    bottom, top = found.plot(ax=Figure().subplots()).get_ylim()
+    assert sum(conclusion.endswith("(and 1 more).") for conclusion in comparison.conclusions()) == 1
+    assert "no point is connected" in repr(comparison.quantities["CAN"])
+    bottom, top = comparison.plot(ax=Figure().subplots()).get_ylim()
     assert bottom > 6.2 and top < -0.2  # every design has its row
-    assert not re.search(r"\bnan\b", found.html() + str(found))
+    assert not re.search(r"\bnan\b", comparison.html() + str(comparison))
     alone = lengths.compare(None, ["CAN"], settings={"field_barriers": True})
     assert alone.verdict.startswith("nothing to compare: no design can connect a point; give the")
     assert not alone.ok and not re.search(r"\bnan\b", str(alone))
 
 
 def test_the_text_says_how_many_prices_are_assumed():
-    found, own = (
+    comparison, priced = (
         ship(4).compare((0, 0, 0), ["home runs"], settings=values)
         for values in ({}, {"assumptions.labour_rate": 60})
     )
-    used = len(found.quantities["home runs"].assumptions)
-    said = "prices, masses, hours and factors are assumed."
-    assert str(found).endswith(f"{used} of {used} {said}")
-    assert str(own).endswith(f"{used - 1} of {used} {said}")
+    used = len(comparison.quantities["home runs"].assumptions)
+    ending = "prices, masses, hours and factors are assumed."
+    assert str(comparison).endswith(f"{used} of {used} {ending}")
+    assert str(priced).endswith(f"{used - 1} of {used} {ending}")
 
 
 def test_an_option_that_leaves_points_out_is_not_a_saving_and_gives_the_reason():
     unplaced = IoList.parse("tag,signal,home run,x,y,z\nL-1,contact,20,,,\nL-2,contact,20,5,2,3\n")
-    found = unplaced.compare(small_loop().site)
-    assert found.table()["points_left_out"].tolist() == [0, 1, 1, 1, 1, 1, 1, 1]
-    assert found.tornado().between == ("home runs",)
-    assert any("the list gives no position for L-1" in said for said in found.conclusions())
+    comparison = unplaced.compare(small_loop().site)
+    assert comparison.table()["points_left_out"].tolist() == [0, 1, 1, 1, 1, 1, 1, 1]
+    assert comparison.tornado().between == ("home runs",)
+    assert any(
+        "the list gives no position for L-1" in conclusion
+        for conclusion in comparison.conclusions()
+    )
     turned = unplaced.compare(small_loop().site, ["CAN", "AS-i", "home runs", "junction boxes"])
     assert turned.tornado().between == ("home runs",)
     fast = IoList.parse("tag,signal,x,y,z,update\nL-1,contact,5,2,3,1\nL-2,contact,6,2,3,1\n")
-    said = fast.compare(small_loop().site, ["home runs", "Modbus RTU"]).conclusions()[1]
-    assert said.startswith("Modbus RTU leaves out 2 of 2 points: L-1 needs an update every 1 ms;")
-    assert said.endswith("(and 1 more).")
+    conclusion = fast.compare(small_loop().site, ["home runs", "Modbus RTU"]).conclusions()[1]
+    assert conclusion.startswith(
+        "Modbus RTU leaves out 2 of 2 points: L-1 needs an update every 1 ms;"
+    )
+    assert conclusion.endswith("(and 1 more).")
 
 
 def test_wrong_arguments_are_named():
@@ -244,18 +252,18 @@ def test_wrong_arguments_are_named():
         compare([])
     with pytest.raises(ArgumentError, match="with different names"):
         compare([design, design])
-    found = compare([design])
-    assert set(CRITERIA) <= set(found.table().columns)
+    comparison = compare([design])
+    assert set(CRITERIA) <= set(comparison.table().columns)
     for columns in (["mass"], ["mass", "cables"]):
         with pytest.raises(ArgumentError, match="x is 'mass'"):
-            found.plot(*columns)
+            comparison.plot(*columns)
 
 
 def test_the_cabinet_of_the_example_ship_is_found_from_its_home_runs():
-    found = find_cabinet(SHIP)
-    assert found.place == (26.0, 6.0, 14.0)
-    assert found.misfit < 0.05
-    assert "half of which agree within 0.1 m" in str(found)
+    fit = find_cabinet(SHIP)
+    assert fit.place == (26.0, 6.0, 14.0)
+    assert fit.misfit < 0.05
+    assert "half of which agree within 0.1 m" in str(fit)
 
 
 def test_an_ambiguous_position_of_the_cabinet_is_reported():
@@ -272,12 +280,12 @@ def test_a_cabinet_is_found_at_the_origin_of_the_lengths(seed):
     rng = np.random.default_rng(seed)
     points = SHIP.points.sample(60, random_state=seed).reset_index(drop=True)
     some = replace(SHIP, points=points)
-    place = rng.uniform([0, -10, 0], [180, 10, 20]).round(1)
-    length = 1.15 * np.abs(some.places - place).sum(axis=1) + 5
+    cabinet = rng.uniform([0, -10, 0], [180, 10, 20]).round(1)
+    length = 1.15 * np.abs(some.places - cabinet).sum(axis=1) + 5
     # One length in ten is that of another route.
     length = np.where(rng.random(60) < 0.1, 1.3 * length, length).round(1)
-    found = find_cabinet(replace(some, points=points.assign(home_run_m=length)))
-    assert np.abs(np.array(found.place) - place).max() <= 0.1 + 1e-9
+    fit = find_cabinet(replace(some, points=points.assign(home_run_m=length)))
+    assert np.abs(np.array(fit.place) - cabinet).max() <= 0.1 + 1e-9
 
 
 def test_a_cabinet_cannot_be_found_without_lengths():
@@ -342,13 +350,13 @@ def test_the_draws_are_the_same_each_time():
 def test_the_price_of_a_response_limit_is_the_difference_from_the_plan_without_it(option, limit):
     rules = RuleSet((Rule("shown", "response", limit, host=True, confirmed="yes"),))
     iolist = ship(40)
-    found = iolist.compare((0, 0, 0), ["home runs", option], rules=rules)
-    design, loose = found.designs[option], iolist.plan(option, (0, 0, 0))
-    more = found.quantities[option]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
+    comparison = iolist.compare((0, 0, 0), ["home runs", option], rules=rules)
+    design, loose = comparison.designs[option], iolist.plan(option, (0, 0, 0))
+    more = comparison.quantities[option]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
     assert more > 0 and design.check(rules).ok and not loose.check(rules).ok
-    said = f"{option} costs {number(more)} EUR more than without the rules' response limits."
-    assert said in found.conclusions()
-    again = found.plan(option, name="again")
+    sentence = f"{option} costs {number(more)} EUR more than without the rules' response limits."
+    assert sentence in comparison.conclusions()
+    again = comparison.plan(option, name="again")
     assert again.points["response_ms"].equals(design.points["response_ms"])
     priced = design.priced(Settings({"assumptions.labour_rate": 0}))
     assert priced.without_limits.settings is priced.settings
@@ -363,17 +371,17 @@ def test_the_price_of_barriers_in_the_cabinet_is_the_difference_from_barriers_in
     more = number(
         inside.quantities["CAN"]["total_cost_eur"] - outside.quantities["CAN"]["total_cost_eur"]
     )
-    said = "Intrinsically safe points: 1, each with a barrier in"
+    head = "Intrinsically safe points: 1, each with a barrier in"
     assert (
-        f"{said} the cabinet; CAN costs {more} EUR more than with field_barriers, which connects "
+        f"{head} the cabinet; CAN costs {more} EUR more than with field_barriers, which connects "
         "such points to the bus." in inside.conclusions()
     )
     assert (
-        f"{said} its box; CAN costs {more} EUR less than with home runs to barriers in the "
+        f"{head} its box; CAN costs {more} EUR less than with home runs to barriers in the "
         "cabinet." in outside.conclusions()
     )
     hardwired = iolist.compare((0, 0, 0), ["home runs"])
-    assert f"{said} the cabinet." in hardwired.conclusions()
+    assert f"{head} the cabinet." in hardwired.conclusions()
     assert not any("safe" in one for one in ship(4).compare((0, 0, 0)).conclusions())
 
 

@@ -47,7 +47,7 @@ def mixed():
         device = f"{kinds[bus]} of {bus}" if bus else ""
         rows.append(f"{tag},{bus},{bus.removeprefix('hardwired')},{device},,1.0,{bus != ''}")
     for bus, kind in kinds.items():
-        more = ("master", "supply", "repeater", "terminator", "gateway") if kind != "box" else ()
+        more = ("master", "supply", "repeater", "terminator") if kind != "box" else ()
         segment = "" if kind == "box" else bus
         devices += [f"{one} of {bus},{one},{segment}" for one in (kind, *more)]
         segments += [f"{bus},{bus}"] * (kind != "box")
@@ -90,12 +90,12 @@ def priced(design, **ranges):
 def by_hand(design, level):
     """Add up the figures cable by cable and device by device, independently of the bill."""
     assumed = {name: getattr(one, level) for name, one in Assumptions().items()}
-    known = cables()
+    catalogue = cables()
     total = dict.fromkeys(
         [*COSTS, "cable_mass_kg", "cable_volume_l", "labour_h", "cross_section_cm2"], 0.0
     )
     for run in design.cables.itertuples():
-        cable = known[run.cable]
+        cable = catalogue[run.cable]
         length = run.length_m * assumed["laid_length"]
         width, height = SIZES.loc[run.cable] / 1e3
         area = np.pi / 4 * width**2 if np.isnan(height) else width * height
@@ -130,8 +130,8 @@ def by_hand(design, level):
         if kind == "module":
             ends = set(design.cables.loc[design.cables["a"] == device.device, "b"])
             ends |= set(design.points.loc[design.points["device"] == device.device, "tag"])
-            own = [types[tag] for tag in ends & types.keys()]
-            price = "asi_analogue_module" if {"AI", "AO"} & set(own) else price
+            types_at_run = [types[tag] for tag in ends & types.keys()]
+            price = "asi_analogue_module" if {"AI", "AO"} & set(types_at_run) else price
         price = "supply" if kind == "auxiliary supply" else price
         total["hardware_cost_eur"] += assumed[price]
         reached = {
@@ -142,7 +142,6 @@ def by_hand(design, level):
         if kind == "station" and {"A", "B"} <= reached:
             total["hardware_cost_eur"] += assumed["second_interface"]
         slow = {
-            "gateway": "master",
             "box": "box",
             "module": "module",
             "station": "station",
@@ -211,9 +210,9 @@ def test_counts_are_exact_and_have_no_range():
 
 
 def test_points_that_are_left_out_are_reported():
-    found = quantities(MIXED)
-    assert found.unconnected == 2
-    assert "2 points not connected" in repr(found)
+    result = quantities(MIXED)
+    assert result.unconnected == 2
+    assert "2 points not connected" in repr(result)
     assert "not connected" not in repr(quantities(PLANT.on_asi))
 
 
@@ -243,20 +242,20 @@ def test_a_network_without_anything_costs_nothing():
         cables=frame("cables"),
         segments=frame("segments"),
     )
-    found = quantities(empty)
-    assert (found.figures[["low", "nominal", "high"]] == 0).all(axis=None)
-    assert found.by_cable.empty
+    result = quantities(empty)
+    assert (result.figures[["low", "nominal", "high"]] == 0).all(axis=None)
+    assert result.by_cable.empty
     assert str(tornado({"empty": empty})).endswith("no assumption")
     assert (draw({"empty": empty}, rng=np.random.default_rng(1), draws=3) == 0).all(axis=None)
 
 
 def test_the_catalogue_is_used(monkeypatch):
-    known = cables()
-    light = {name: replace(cable, mass=Range(0, 0, 0)) for name, cable in known.items()}
+    types = cables()
+    light = {name: replace(cable, mass=Range(0, 0, 0)) for name, cable in types.items()}
     monkeypatch.setattr("shipnet.design.costs.catalogue", lambda: light)
     assert quantities(PLANT.hardwired)["cable_mass_kg"] == 0
-    known = {name: cable for name, cable in known.items() if name != "MI1P075"}
-    monkeypatch.setattr("shipnet.design.costs.catalogue", lambda: known)
+    types = {name: cable for name, cable in types.items() if name != "MI1P075"}
+    monkeypatch.setattr("shipnet.design.costs.catalogue", lambda: types)
     with pytest.raises(ArgumentError, match="has no cable MI1P075"):
         quantities(PLANT.hardwired)
 
@@ -312,7 +311,7 @@ def test_quantiles_are_those_of_the_triangular_distribution(row, u):
 def test_the_mean_of_the_draws_is_that_of_the_closed_form(monkeypatch):
     # Each cost is a sum of products of independent assumptions, so its mean is the figure at their
     # means, (low + nominal + high) / 3. The tolerance is four standard errors of the mean.
-    known = {
+    types = {
         name: replace(
             c, **{f: Range(*[np.mean(getattr(c, f))] * 3) for f, _ in CABLE_RANGES.values()}
         )
@@ -321,7 +320,7 @@ def test_the_mean_of_the_draws_is_that_of_the_closed_form(monkeypatch):
     assumed = Assumptions()
     means = {name: np.mean(row) for name, row in assumed.items()}
     sample = draw(OPTIONS, rng=np.random.default_rng(2024), draws=40_000)
-    monkeypatch.setattr("shipnet.design.costs.catalogue", lambda: known)
+    monkeypatch.setattr("shipnet.design.costs.catalogue", lambda: types)
     for option, design in OPTIONS.items():
         expected = quantities(priced(design, **means))
         for figure in [*COSTS, "total_cost_eur", "labour_h", "cable_mass_kg", "cable_length_km"]:
@@ -339,60 +338,60 @@ def test_another_option_does_not_change_the_draws_of_the_others():
 
 
 def test_the_tornado_shows_the_effect_of_each_changed_assumption(monkeypatch):
-    found = tornado(OPTIONS)
-    assumed, known = Assumptions(), cables()
-    for name in found.every.index:
-        for place, level in ((0, "low"), (2, "high")):
+    result = tornado(OPTIONS)
+    assumed, types = Assumptions(), cables()
+    for name in result.every.index:
+        for index, level in ((0, "low"), (2, "high")):
             if name in CABLE_RANGES:
                 field, _ = CABLE_RANGES[name]
-                own = {
-                    i: replace(c, **{field: Range(*[getattr(c, field)[place]] * 3)})
-                    for i, c in known.items()
+                changed = {
+                    i: replace(c, **{field: Range(*[getattr(c, field)[index]] * 3)})
+                    for i, c in types.items()
                 }
-                catalogue, prices = own, {}
+                catalogue, prices = changed, {}
             else:
-                catalogue = known
-                prices = {name: assumed[name][place]}
-            monkeypatch.setattr("shipnet.design.costs.catalogue", lambda own=catalogue: own)
+                catalogue = types
+                prices = {name: assumed[name][index]}
+            monkeypatch.setattr("shipnet.design.costs.catalogue", lambda changed=catalogue: changed)
             ends = {
                 o: quantities(priced(n, **prices))["total_cost_eur"] for o, n in OPTIONS.items()
             }
             for option, value in ends.items():
-                assert found.every.loc[name, f"{option} at {level}"] == pytest.approx(value)
-            first, second = (ends[option] for option in found.between)
-            assert found.ends.loc[name, level] == pytest.approx(first - second)
+                assert result.every.loc[name, f"{option} at {level}"] == pytest.approx(value)
+            first, second = (ends[option] for option in result.between)
+            assert result.ends.loc[name, level] == pytest.approx(first - second)
 
 
 def test_the_tornado_is_sorted_and_names_the_largest_swings():
-    found = tornado(OPTIONS)
-    assert repr(found) == f"<Tornado: {found}>" and "\n" not in repr(found)
-    assert found.every["swing"].is_monotonic_decreasing
-    assert found.between == ("AS-i", "hardwired")
-    assert found.at_nominal < 0
-    assert len(found.top()) == 3
-    sentence = str(found)
+    result = tornado(OPTIONS)
+    assert repr(result) == f"<Tornado: {result}>" and "\n" not in repr(result)
+    assert result.every["swing"].is_monotonic_decreasing
+    assert result.between == ("AS-i", "hardwired")
+    assert result.at_nominal < 0
+    assert len(result.top()) == 3
+    sentence = str(result)
     assert sentence.startswith("total cost of AS-i less that of hardwired is -")
-    for name in found.top():
+    for name in result.top():
         assert name.replace("_", " ") in sentence
     turned = tornado(dict(reversed(OPTIONS.items())))
-    assert turned.at_nominal == -found.at_nominal
-    assert turned.top() == found.top()
+    assert turned.at_nominal == -result.at_nominal
+    assert turned.top() == result.top()
 
 
 def test_an_assumption_that_reverses_the_order_is_marked():
     near = Plant(modules=8, contacts=4, distance=10)
     both = {"hardwired": near.hardwired, "AS-i": near.on_asi}
     assert not tornado(OPTIONS).every["order changes"].any()
-    found = tornado({name: priced(one, asi_module=(0, 10, 1000)) for name, one in both.items()})
-    assert found.every.loc["asi_module", "order changes"]
-    assert not found.every.loc["gland", "order changes"]
+    result = tornado({name: priced(one, asi_module=(0, 10, 1000)) for name, one in both.items()})
+    assert result.every.loc["asi_module", "order changes"]
+    assert not result.every.loc["gland", "order changes"]
 
 
 def test_a_single_network_has_a_tornado_too():
-    found = tornado({"AS-i": PLANT.on_asi}, "cable_mass_kg")
-    assert found.top() == ["cable_mass", "laid_length"]
-    assert found.subject == "cable mass of AS-i"
-    assert found.at_nominal == pytest.approx(quantities(PLANT.on_asi)["cable_mass_kg"])
+    result = tornado({"AS-i": PLANT.on_asi}, "cable_mass_kg")
+    assert result.top() == ["cable_mass", "laid_length"]
+    assert result.subject == "cable mass of AS-i"
+    assert result.at_nominal == pytest.approx(quantities(PLANT.on_asi)["cable_mass_kg"])
 
 
 @settings(max_examples=20)

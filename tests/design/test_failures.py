@@ -18,7 +18,7 @@ from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError
 from tests.design.lists import ship, small_loop
 
-JOINS = {"cabinet", "master", "gateway"}
+JOINS = {"cabinet", "master"}
 
 
 def searched(design, cut=(), dead=(), needs=None):
@@ -64,11 +64,11 @@ def searched(design, cut=(), dead=(), needs=None):
         asi, lines = buses.get(run.segment) == "AS-i", run.line or "AB"
         if asi and run.kind == "trunk":
             lines_of_as_i.append((run.a, run.b, lines))
-        elif run.kind == "trunk" or "gateway" in ends:
+        elif run.kind == "trunk":
             join(graph, run.a, run.b, lines)
         if asi and run.kind == "trunk" and kind[run.b] != "repeater":
             join(power, run.a, run.b, lines)
-        if run.kind == "feeder" and not asi and not ends & {"cabinet", "gateway"}:
+        if run.kind == "feeder" and not asi and "cabinet" not in ends:
             join(power, run.a, run.b, lines)
         mains = bool(ends & {"cabinet", "supply"})
         if run.kind == "feeder" and asi and not mains and not {run.a, run.b} & blocked:
@@ -126,11 +126,11 @@ def random_network(rng, n_devices=9, n_points=12):
     """Return devices and cables at random: buses, boxes, repeaters, supplies, loops and gaps."""
     segments = ["s1", "s2", "s3"]
     buses = list(rng.choice(["AS-i", "CAN", "hardwired"], 3))
-    every = [*"module station box master gateway repeater supply".split(), "auxiliary supply"]
-    kinds = rng.choice(every, n_devices, p=[0.25, 0.2, 0.1, 0.1, 0.05, 0.1, 0.1, 0.1])
+    every = [*"module station box master repeater supply".split(), "auxiliary supply"]
+    kinds = rng.choice(every, n_devices, p=[0.25, 0.2, 0.1, 0.15, 0.1, 0.1, 0.1])
     devices = [{"device": "cabinet", "kind": "cabinet", "segment": "", "at": ""}]
     for n, kind in enumerate(kinds):
-        housing = "cabinet" if kind in ("master", "gateway", "supply") else devices[-1]["device"]
+        housing = "cabinet" if kind in ("master", "supply") else devices[-1]["device"]
         row = {"device": f"d{n}", "kind": kind, "at": housing if rng.random() < 0.6 else ""}
         devices.append({**row, "segment": str(rng.choice(segments))})
     names = [device["device"] for device in devices]
@@ -179,7 +179,7 @@ def shorted(design, name):
     runs = design.cables.set_index("run")
     kind = design.devices.set_index("device")["kind"]
     first = runs.loc[name]
-    parts = {"repeater", "gateway"} if first["kind"] == "trunk" else {"cabinet", "gateway"}
+    parts = {"repeater"} if first["kind"] == "trunk" else {"cabinet"}
     same = runs[
         (runs[["kind", "segment", "line"]] == first[["kind", "segment", "line"]]).all(axis=1)
     ]

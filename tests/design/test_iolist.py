@@ -32,10 +32,10 @@ def text(*rows, **changes):
     return stream.getvalue()
 
 
-def faults(given):
+def faults(source):
     """Return the faults of a list, without the column letters after the titles."""
     with pytest.raises(InputError) as error:
-        IoList.parse(given)
+        IoList.parse(source)
     return tuple(re.sub(r" \([A-Z]\)", "", fault) for fault in error.value.faults)
 
 
@@ -151,34 +151,34 @@ def test_a_list_in_many_spellings_gives_the_same_points():
     ],
 )
 def test_a_faulty_cell_is_named_with_what_is_expected(changes, fault):
-    found = faults(text(**changes))
-    assert len(found) == 1
-    assert found[0].startswith("row 2") and fault in found[0]
+    messages = faults(text(**changes))
+    assert len(messages) == 1
+    assert messages[0].startswith("row 2") and fault in messages[0]
 
 
 def test_all_faults_are_reported_at_once_in_the_order_of_the_file():
     late = {"tag": "LS-4", "update": "never", "signal": "radio"}
     far = {"tag": "LS-3", "x": "far", "home run": "-2"}
     bad = text({}, {"tag": "ls-1", "type": "AO"}, far, {"tag": "LS-4"}, late)
-    found = faults(bad)
-    places = [tuple(fault.split(":")[0].split(", column ")) for fault in found]
+    messages = faults(bad)
+    places = [tuple(fault.split(":")[0].split(", column ")) for fault in messages]
     assert places == [
         *(("row 3", column) for column in ("tag", "type")),
         *(("row 4", column) for column in ("x", "home run")),
         *(("row 6", column) for column in ("tag", "signal", "update")),
     ]
-    assert "'ls-1' is already the tag of row 2" in found[0]
-    assert "'LS-4' is already the tag of row 5" in found[4]
+    assert "'ls-1' is already the tag of row 2" in messages[0]
+    assert "'LS-4' is already the tag of row 5" in messages[4]
 
 
 def test_a_thousand_faulty_rows_are_all_kept_and_reported_briefly():
-    found = faults(text(*({"tag": f"T{k}", "home run": "-1"} for k in range(1000))))
-    assert len(found) == 1000
-    assert str(InputError("x", *found)).startswith(
+    messages = faults(text(*({"tag": f"T{k}", "home run": "-1"} for k in range(1000))))
+    assert len(messages) == 1000
+    assert str(InputError("x", *messages)).startswith(
         "x: rows 2 to 1001, column home run: '-1'; expec"
     )
-    found = faults(text(*({"tag": f"T{k}", "home run": f"-{k + 1}"} for k in range(1000))))
-    assert str(InputError("x", *found)) == (
+    messages = faults(text(*({"tag": f"T{k}", "home run": f"-{k + 1}"} for k in range(1000))))
+    assert str(InputError("x", *messages)) == (
         "x: rows 2 to 1001, column home run: '-1', '-2', '-3', '-4', '-5' and 995 more; "
         "expected a number 0..10000 m"
     )
@@ -213,14 +213,14 @@ def test_unused_and_assumed_values_are_reported():
 
 
 def test_several_columns_of_remarks_are_joined():
-    given = "tag,type,home run,service,remarks\nLS,DI,4,bilge,aft\nLT,DI,4,,fore"
-    assert IoList.parse(given).points["note"].tolist() == ["bilge; aft", "fore"]
+    source = "tag,type,home run,service,remarks\nLS,DI,4,bilge,aft\nLT,DI,4,,fore"
+    assert IoList.parse(source).points["note"].tolist() == ["bilge; aft", "fore"]
 
 
 def test_type_signal_and_conductors_follow_from_each_other():
-    given = "tag,type,signal,cores,home run\na,AO,4-20 mA,,1\nb,AI,4..20 mA,,1\nc,DI,,,1\n"
-    given += "d,,Pt100,4,1\ne,DO,,2,1\nf,ai,4-20mA,2,1\n"
-    points = IoList.parse(given).points
+    source = "tag,type,signal,cores,home run\na,AO,4-20 mA,,1\nb,AI,4..20 mA,,1\nc,DI,,,1\n"
+    source += "d,,Pt100,4,1\ne,DO,,2,1\nf,ai,4-20mA,2,1\n"
+    points = IoList.parse(source).points
     assert points["signal"].tolist() == [
         "analogue_output",
         "current_loop",
@@ -234,13 +234,15 @@ def test_type_signal_and_conductors_follow_from_each_other():
 
 
 def test_proximity_switches_are_distinguished_by_their_wires():
-    given = "tag,type,signal,cores,home run\na,DI,proximity switch,3,1\nb,DI,proximity switch,2,1\n"
-    given += "c,,PNP,,1\nd,DI,inductive sensor 2-wire,,1\n"
-    points = IoList.parse(given).points
+    source = (
+        "tag,type,signal,cores,home run\na,DI,proximity switch,3,1\nb,DI,proximity switch,2,1\n"
+    )
+    source += "c,,PNP,,1\nd,DI,inductive sensor 2-wire,,1\n"
+    points = IoList.parse(source).points
     assert points["signal"].tolist() == ["proximity_3wire", "contact"] * 2
     assert points["conductors"].tolist() == [3, 2] * 2
-    (said,) = faults("tag,type,signal,home run\na,DI,proximity switch,1")
-    assert "it may be contact or proximity_3wire: name one, or give the conductors" in said
+    (message,) = faults("tag,type,signal,home run\na,DI,proximity switch,1")
+    assert "it may be contact or proximity_3wire: name one, or give the conductors" in message
 
 
 @pytest.mark.parametrize(
@@ -269,8 +271,8 @@ def test_a_box_has_one_place_and_needs_it_only_once():
     head = "tag,type,home run,box,box x,box y,box z\n"
     points = IoList.parse(f"{head}a,DI,9,JB1,,,\nb,DI,9,JB1,1,2,3\nc,DI,9,JB2,,,").points
     assert points["box_x_m"].tolist()[:2] == [1.0, 1.0] and np.isnan(points["box_x_m"][2])
-    found = faults(f"{head}a,DI,9,JB1,1,2,3\nb,DI,9,JB1,1,2,4\nc,DI,9,JB1,1,,")
-    assert found == (
+    messages = faults(f"{head}a,DI,9,JB1,1,2,3\nb,DI,9,JB1,1,2,4\nc,DI,9,JB1,1,,")
+    assert messages == (
         "row 3, column box x: box 'JB1' has a different position in row 2; expected 1, 2, 3 m",
         "row 4, column box y and box z: is empty; expected box x, box y, box z, or none",
     )
@@ -278,9 +280,9 @@ def test_a_box_has_one_place_and_needs_it_only_once():
 
 def test_a_cable_shorter_than_the_distance_to_its_box_is_doubtful():
     head = "tag,type,x,y,z,box,box x,box y,box z,to box\n"
-    said = "the length to the box is used, but is shorter than the straight distance: 1 row (2)"
-    assert said not in IoList.parse(f"{head}a,DI,0,0,0,B,3,4,0,4.9").remarks
-    assert said in IoList.parse(f"{head}a,DI,0,0,0,B,3,4,0,4.7").remarks
+    remark = "the length to the box is used, but is shorter than the straight distance: 1 row (2)"
+    assert remark not in IoList.parse(f"{head}a,DI,0,0,0,B,3,4,0,4.9").remarks
+    assert remark in IoList.parse(f"{head}a,DI,0,0,0,B,3,4,0,4.7").remarks
 
 
 def test_a_saved_list_is_read_back_and_has_no_formulas(tmp_path):
@@ -319,8 +321,8 @@ def test_a_list_in_another_form_is_refused():
 
 
 def test_every_spelling_finds_its_signal_by_kind_and_conductors():
-    for word, found in spellings("signal").items():
-        for name, _ in found:
+    for word, meanings in spellings("signal").items():
+        for name, _ in meanings:
             signal = SIGNALS[name]
             assert find_signal(word.upper(), signal.kind, signal.conductors) == name
     with pytest.raises(ArgumentError, match="known signals are contact, "):

@@ -33,9 +33,9 @@ def first_fit(values, states):
     """Return the frames of a first fit, values first; this is optimal for sizes 16 and 1."""
     room = []
     for size in [16] * values + [1] * states:
-        for place, left in enumerate(room):
+        for bin_number, left in enumerate(room):
             if left >= size:
-                room[place] -= size
+                room[bin_number] -= size
                 break
         else:
             room.append(64 - size)
@@ -51,8 +51,8 @@ def test_packing_needs_at_most_the_messages_of_a_first_fit(values, states):
 def test_a_bit_rate_reaches_as_far_as_is_published():
     # Beckhoff BX5100: 500 kbit/s 100 m, 250 kbit/s 250 m, 125 kbit/s 500 m, 50 kbit/s 1000 m.
     rates = (50_000, 125_000, 250_000, 500_000)
-    found = [bit_rate_for(length, rates) for length in (100, 100.1, 250, 500, 500.1, 1000)]
-    assert found == [500_000, 250_000, 250_000, 125_000, 50_000, 50_000]
+    bit_rates = [bit_rate_for(length, rates) for length in (100, 100.1, 250, 500, 500.1, 1000)]
+    assert bit_rates == [500_000, 250_000, 250_000, 125_000, 50_000, 50_000]
     assert bit_rate_for(1000.1, rates) is None
     # A rate between two published ones reaches as far as the higher one.
     assert [bit_rate_for(length, (200_000,)) for length in (250, 251)] == [200_000, None]
@@ -72,19 +72,19 @@ def test_every_point_has_a_register_and_every_register_is_polled(types):
     for what, analogue, digital in (("input", "AI", "DI"), ("holding", "AO", "DO")):
         used = sum(place == what for place, _ in places)
         assert used == counts[analogue] + ceil(counts[digital] / 16)
-    asked = []
+    polled = []
     for request in requests:
         what = {4: "input", 16: "holding"}[request.function]
         start = request.address
-        asked += [(what, start + n) for n in range(request.quantity)]
+        polled += [(what, start + n) for n in range(request.quantity)]
         assert request.quantity <= (125 if what == "input" else 123)
-    assert sorted(asked) == sorted(places)
+    assert sorted(polled) == sorted(places)
 
 
 @given(st.lists(st.integers(1, 120), min_size=1, max_size=40), st.integers(3, 8))
 def test_sections_meet_their_limits_of_load_and_length(hops, unit_loads):
     found = sections(hops, length=200, unit_loads=unit_loads)
-    cuts = [0, *(place + 1 for place in found), len(hops)]
+    cuts = [0, *(section + 1 for section in found), len(hops)]
     for number, (start, end) in enumerate(pairwise(cuts)):
         repeaters = (number > 0) + (end < len(hops))
         assert end > start and sum(hops[start:end]) <= 200

@@ -73,20 +73,20 @@ def test_a_messy_list_without_faults_becomes_the_expected_points(form, tmp_path)
     points = iolist.points.set_index("tag")
     assert points.index.tolist() == list(expected)
     for tag, (system, kind, x, y, z, length) in expected.items():
-        own = points.loc[tag]
-        assert (own["system"], own["type"], own["z_m"]) == (system, kind, z)
-        assert own[["x_m", "y_m", "home_run_m"]].tolist() == pytest.approx([x, y, length])
-    said = notes(iolist)
-    assert said["left out, marked as deleted or spare"] == 10
-    assert said["left out, repeated titles"] == 11 and said["titles in two rows"] == 2
+        point = points.loc[tag]
+        assert (point["system"], point["type"], point["z_m"]) == (system, kind, z)
+        assert point[["x_m", "y_m", "home_run_m"]].tolist() == pytest.approx([x, y, length])
+    remarks = notes(iolist)
+    assert remarks["left out, marked as deleted or spare"] == 10
+    assert remarks["left out, repeated titles"] == 11 and remarks["titles in two rows"] == 2
     if form == "workbook":
-        assert said["left out, struck out"] == 1 and said["hidden, but read"] == 2
+        assert remarks["left out, struck out"] == 1 and remarks["hidden, but read"] == 2
         assert "read: sheet IO list rev C; not read: Cover" in iolist.remarks
     else:
         assert "read as cp949, with semicolons between the cells" in iolist.remarks
     # No row is left out without a remark.
-    told = sum(said[what] for what in said if what.startswith("left out"))
-    assert told + len(iolist) + said["titles in two rows"] == sum(any(row) for row in sheet)
+    left_out = sum(remarks[what] for what in remarks if what.startswith("left out"))
+    assert left_out + len(iolist) + remarks["titles in two rows"] == sum(any(row) for row in sheet)
 
 
 # Titles ---------------------------------------------------------------------------------------
@@ -115,11 +115,13 @@ def test_rows_are_numbered_as_a_spreadsheet_shows_them():
 
 
 def test_own_titles_and_signals_come_from_the_settings():
-    own = Settings.parse('[columns]\nKKS = "tag"\n"Was" = "signal"\n[signals]\nTIT = "RTD 3W"\n')
+    settings = Settings.parse(
+        '[columns]\nKKS = "tag"\n"Was" = "signal"\n[signals]\nTIT = "RTD 3W"\n'
+    )
     text = "KKS,Was\nLT-1,tit\n"
-    iolist = IoList.parse(text, reading=own.reading)
+    iolist = IoList.parse(text, reading=settings.reading)
     assert iolist.points.loc[0, ["tag", "signal"]].tolist() == ["LT-1", "rtd_3wire"]
-    assert Settings.parse(own.text()) == own and own.text() != Settings().text()
+    assert Settings.parse(settings.text()) == settings and settings.text() != Settings().text()
     with pytest.raises(InputError, match="has no row of titles"):
         IoList.parse(text)
 
@@ -326,8 +328,8 @@ def test_a_system_given_once_per_group_is_filled_down(systems, filled):
     rows = "".join(f"A{n},DI,{system}\n" for n, system in enumerate(systems))
     iolist = IoList.parse("tag,type,system\n" + rows)
     assert iolist.points["system"].tolist() == (filled or systems)
-    said = [what for what in notes(iolist) if what.startswith("system filled down")]
-    assert bool(said) == (filled is not None)
+    remarks = [what for what in notes(iolist) if what.startswith("system filled down")]
+    assert bool(remarks) == (filled is not None)
     assert notes(iolist).get("no system", 0) == (0 if filled else systems.count(""))
 
 
@@ -358,10 +360,10 @@ def test_the_encoding_is_found_and_named(encoding, note, said, tmp_path):
 
 
 def test_the_command_counts_groups_and_saves_all_faults(tmp_path, capsys):
-    points, faults, own = tmp_path / "list.csv", tmp_path / "faults.csv", tmp_path / "own.toml"
-    own.write_text(messy.SETTINGS, encoding="utf-8")
+    points, faults, settings = tmp_path / "list.csv", tmp_path / "faults.csv", tmp_path / "own.toml"
+    settings.write_text(messy.SETTINGS, encoding="utf-8")
     points.write_bytes(messy.as_csv(messy.rows()[0]))
-    command = ["design", str(points), "--settings", str(own), "--faults", str(faults)]
+    command = ["design", str(points), "--settings", str(settings), "--faults", str(faults)]
     assert main(command) == 2
     lines = capsys.readouterr().err.splitlines()
     assert any("rows 120 and 693, column Frame (F): 'FR 999' and 'FR x'; exp" in s for s in lines)
@@ -373,8 +375,8 @@ def test_the_command_counts_groups_and_saves_all_faults(tmp_path, capsys):
     many = "tag,type,home run\n" + "".join(f"A{n},DI,-{n}\n" for n in range(1, 1001))
     points.write_text(many, encoding="utf-8")
     assert main(["design", str(points)]) == 2
-    (told,) = capsys.readouterr().err.splitlines()[-1:]
-    assert "rows 2 to 1001, column home run (C): '-1', '-2'" in told and "'-1000'" in told
+    (message,) = capsys.readouterr().err.splitlines()[-1:]
+    assert "rows 2 to 1001, column home run (C): '-1', '-2'" in message and "'-1000'" in message
 
 
 def test_report_command_and_tables_say_how_the_list_was_read(tmp_path, capsys):
@@ -483,8 +485,8 @@ def test_circles_and_crosses_are_korean_for_yes_and_no():
 
 def test_equal_readings_are_one_remark():
     iolist = marked("No", "no", "Ex d", *(f"Zone {n}" for n in range(1000)), "")
-    found = notes(iolist)
-    assert found["IS (F) 'No', 'no', 'Ex d' read as not intrinsically safe"] == 3
+    remarks = notes(iolist)
+    assert remarks["IS (F) 'No', 'no', 'Ex d' read as not intrinsically safe"] == 3
     (doubt,) = iolist.reading().query("doubt")["what"]
     assert len(doubt) < 200
     assert "'Zone 0', 'Zone 1'" in doubt
@@ -513,8 +515,8 @@ def test_a_signal_and_a_column_that_disagree_are_a_doubt():
     text = "tag,signal,ex\nA,4-20mA Ex ia,No\nB,4-20mA Ex ia,\nC,4-20mA Ex ia,yes\nD,4-20mA,Ex ia\n"
     iolist = IoList.parse(text)
     assert iolist.points["ex"].tolist() == ["Ex ia", "Ex ia", "IS", "Ex ia"]
-    said = "intrinsically safe by the signal, but not by column ex (C)"
-    assert notes(iolist)[said] == 1
+    remark = "intrinsically safe by the signal, but not by column ex (C)"
+    assert notes(iolist)[remark] == 1
     with pytest.raises(InputError, match="row 2: intrinsically safe by the signal"):
         IoList.parse(text, strict=True)
 
@@ -562,11 +564,11 @@ Zyklus (s)|update_ms|2|2000;Zyklus [ms]|update_ms|2|2;Takt|update_s|2|2000;Takt 
 X FROM AP (mm)|x_m|900|0.9;X_mm|x_m|900|0.9;X ab HL, cm|x_m|900|9;L (mm)|home_run_m|900|0.9"""),
 )
 def test_the_unit_in_a_title_that_the_settings_map_counts(title, name, cell, value):
-    own = Settings.parse(f'[columns]\n"{title}" = "{name}"\n').reading
-    rest = "".join(f",{axis}" for axis in "yz" if name == "x_m")
-    text = f'tag,type,"{title}"{rest}\nA1,DI,{cell}{",0" * (len(rest) // 2)}\n'
+    reading = Settings.parse(f'[columns]\n"{title}" = "{name}"\n').reading
+    further = "".join(f",{axis}" for axis in "yz" if name == "x_m")
+    text = f'tag,type,"{title}"{further}\nA1,DI,{cell}{",0" * (len(further) // 2)}\n'
     column = name if name != "update_s" else "update_ms"
-    assert IoList.parse(text, reading=own).points[column].item() == float(value)
+    assert IoList.parse(text, reading=reading).points[column].item() == float(value)
 
 
 @pytest.mark.parametrize(
@@ -575,17 +577,17 @@ def test_the_unit_in_a_title_that_the_settings_map_counts(title, name, cell, val
 Zyklus (m)|m;Zyklus (h)|h;Zyklus [s] (ms)|s ms;Zyklus [Hz]|hz;Zyklus [x/y]|x/y"""),
 )
 def test_a_unit_that_contradicts_or_is_unknown_is_refused(title, unit):
-    own = Settings.parse(f'[columns]\n"{title}" = "update_ms"\n').reading
+    reading = Settings.parse(f'[columns]\n"{title}" = "update_ms"\n').reading
     with pytest.raises(InputError) as error:
-        IoList.parse(f"tag,type,{title}\nA1,DI,2\n", reading=own)
+        IoList.parse(f"tag,type,{title}\nA1,DI,2\n", reading=reading)
     assert f"title {title!r} has the unit {unit!r}; expected s, ms" in error.value.faults[0]
     with pytest.raises(InputError, match="has the unit 'ft'; expected m, mm, cm"):
         IoList.parse("tag,type,Cable length [ft]\nA1,DI,2\n")
 
 
 def test_a_conversion_is_listed():
-    said = notes(IoList.parse("tag,type,home run [mm],scan (s)\nA1,DI,5,5\n"))
-    assert "converted: home run [mm] from mm to m; scan (s) from s to ms" in said
+    remarks = notes(IoList.parse("tag,type,home run [mm],scan (s)\nA1,DI,5,5\n"))
+    assert "converted: home run [mm] from mm to m; scan (s) from s to ms" in remarks
 
 
 def test_titles_in_two_rows_are_united_although_the_lower_one_has_more(tmp_path):
@@ -704,8 +706,8 @@ def test_a_box_given_once_per_group_is_filled_down(boxes, filled, tmp_path):
     rows = "".join(f"A{n},DI,{box}\n" for n, box in enumerate(boxes))
     iolist = IoList.parse("tag,type,box\n" + rows)
     assert iolist.points["box"].tolist() == (filled or boxes)
-    said = [what for what in notes(iolist) if what.startswith("box filled down")]
-    assert bool(said) == (filled is not None)
+    remarks = [what for what in notes(iolist) if what.startswith("box filled down")]
+    assert bool(remarks) == (filled is not None)
     # A saved list is read as it is.
     table = iolist.points.assign(box=boxes)
     IoList.from_table(table[[*messy_columns(table)]]).save(tmp_path / "saved.csv")
@@ -817,9 +819,9 @@ def test_a_row_with_a_dash_as_tag_is_left_out(tag):
 
 def test_a_length_that_only_a_few_points_lack_is_named():
     text = "tag,type,cable length\nA1,DI,5\nA2,DI,6\nA3,DI,\n"
-    said = "read without home_run_m, which most others have"
-    assert notes(IoList.parse(text))[said] == 1
-    assert said not in notes(IoList.parse("tag,type,cable length\nA1,DI,5\nA2,DI,\n"))
+    remark = "read without home_run_m, which most others have"
+    assert notes(IoList.parse(text))[remark] == 1
+    assert remark not in notes(IoList.parse("tag,type,cable length\nA1,DI,5\nA2,DI,\n"))
 
 
 # Words for kinds and sides --------------------------------------------------------------------
@@ -841,8 +843,8 @@ def test_kinds_in_the_words_of_yards_are_read_or_refused(kind, word, signal):
 
 
 def test_the_settings_may_define_a_type_that_is_a_signal():
-    own = Settings.parse('[signals]\nBUS = "serial"\n').reading
-    points = IoList.parse("tag,type\nA1,BUS\nA2,DI\n", reading=own).points
+    reading = Settings.parse('[signals]\nBUS = "serial"\n').reading
+    points = IoList.parse("tag,type\nA1,BUS\nA2,DI\n", reading=reading).points
     assert points["signal"].tolist() == ["serial", "contact"]
     assert points["type"].tolist() == ["AI", "DI"]
 

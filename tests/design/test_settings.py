@@ -24,10 +24,14 @@ EVERY = st.sampled_from(names())
 def test_every_value_has_a_name_and_every_name_a_value():
     settings = Settings()
     expected = {f"assumptions.{name}" for name in Assumptions()}
-    for own in (own for own in fields(settings) if own.name not in ("assumptions", "reading")):
-        part = getattr(settings, own.name)
-        inner = [f"{own.name}.{field.name}" for field in fields(part)] if is_dataclass(part) else []
-        expected |= set(inner) or {own.name}
+    for setting in (
+        setting for setting in fields(settings) if setting.name not in ("assumptions", "reading")
+    ):
+        part = getattr(settings, setting.name)
+        inner = (
+            [f"{setting.name}.{field.name}" for field in fields(part)] if is_dataclass(part) else []
+        )
+        expected |= set(inner) or {setting.name}
     assert set(names()) == expected and len(names()) == len(expected)
     basis = Settings()
     assert basis["asi.length"] == settings.asi.length and basis["detour"] == basis.detour
@@ -250,18 +254,18 @@ def test_a_comparison_and_its_report_show_changed_settings():
     basis = Settings(
         {"detour": 1.4, "host_time": 0.25, "can.nodes": 8, "assumptions.can_station": 500}
     )
-    found = iolist.compare((0, 0, 5), ["home runs", "CAN"], settings=basis)
-    assert found.settings == basis
-    told = found.changes().set_index("name")
-    assert set(told["designs"]) == {"all"}
-    assert told["value"].to_dict() == {
+    comparison = iolist.compare((0, 0, 5), ["home runs", "CAN"], settings=basis)
+    assert comparison.settings == basis
+    changes = comparison.changes().set_index("name")
+    assert set(changes["designs"]) == {"all"}
+    assert changes["value"].to_dict() == {
         "detour": 1.4,
         "host_time": 0.25,
         "can.nodes": 8,
         "assumptions.can_station": Range(500, 500, 500),
     }
-    assert told["default"]["can.nodes"] == 50
-    page = found.html()
+    assert changes["default"]["can.nodes"] == 50
+    page = comparison.html()
     assert "Values that differ from the defaults." in page
     assert "<td>assumptions.can_station</td>" in page and "<td>[500, 500, 500]</td>" in page
     assert "1.4 times as long as its route, plus 5 m for both ends." in page
@@ -272,25 +276,30 @@ def test_a_comparison_and_its_report_show_changed_settings():
 
 
 def test_the_command_takes_a_file_and_prints_one(tmp_path, capsys):
-    points, own, report = (tmp_path / name for name in ("list.csv", "own.toml", "report.html"))
+    points, settings_file, report = (
+        tmp_path / name for name in ("list.csv", "own.toml", "report.html")
+    )
     points.write_text(LIST, encoding="utf-8")
     assert main(["design", "--show-settings"]) == 0
     assert Settings.parse(capsys.readouterr().out) == Settings()
-    own.write_text("detour = 1.5\n[assumptions]\nlabour_rate = 70\n", encoding="utf-8")
+    settings_file.write_text("detour = 1.5\n[assumptions]\nlabour_rate = 70\n", encoding="utf-8")
     command = ["design", str(points), "--cabinet", "0,0,5", "--options", "HOME RUNS, can"]
     assert main(command) == 0
     usual = capsys.readouterr().out
-    assert main([*command, "--settings", str(own), "-o", str(report)]) == 0
+    assert main([*command, "--settings", str(settings_file), "-o", str(report)]) == 0
     out = capsys.readouterr().out
-    said = "changed: detour 1.5 (default 1.15)\nchanged: assumptions.labour_rate [70, 70, 70]"
-    assert said in out and "changed: " not in usual
+    changed = "changed: detour 1.5 (default 1.15)\nchanged: assumptions.labour_rate [70, 70, 70]"
+    assert changed in out and "changed: " not in usual
     assert "1.5 times as long as its route" in report.read_text(encoding="utf-8")
     (longer,), (shorter,) = (
         [float(line.split()[-1]) for line in text.splitlines() if line.startswith("cable length")]
         for text in (out, usual)
     )
     assert longer > 1.2 * shorter
-    assert main(["design", "--settings", str(own), "--show-settings", "--set", "fed=false"]) == 0
+    assert (
+        main(["design", "--settings", str(settings_file), "--show-settings", "--set", "fed=false"])
+        == 0
+    )
     expected = Settings({"detour": 1.5}).replace({"fed": False, "assumptions.labour_rate": 70})
     assert Settings.parse(capsys.readouterr().out) == expected
 

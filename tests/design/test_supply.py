@@ -44,21 +44,21 @@ def solved(design):
     load = amps.set_axis(design.points["tag"])[drops["b"]].groupby(drops["a"].to_numpy()).sum()
     station = design.devices.loc[design.devices["kind"] == "station", "device"]
     load = load.add(pd.Series(settings["supply.station"], station), fill_value=0)
-    found = {}
+    voltages = {}
     for supply in supplies["device"]:
-        reached, own = {supply}, {}
+        reached, spurs = {supply}, {}
         line = feeders[feeders["line"].isin(feeders.loc[feeders["a"] == supply, "line"])]
-        while new := [r for r in line.itertuples() if r.a in reached and r.run not in own]:
+        while new := [r for r in line.itertuples() if r.a in reached and r.run not in spurs]:
             for run in new:
                 wire = Cable(cables()[run.cable].resistance, 1e-6, 1e-10)
-                own[run.run] = CableRun(run.a, run.b, run.length_m, wire)
+                spurs[run.run] = CableRun(run.a, run.b, run.length_m, wire)
                 reached.add(run.b)
-        if own:
+        if spurs:
             draws = {node: float(load.get(node, 0.0)) for node in reached - {supply}}
-            network = Network(own.values())
+            network = Network(spurs.values())
             point = network.operating_point(supply, settings["supply.voltage"], draws)
-            found |= {(supply, node): volts for node, volts in point.items()}
-    return found
+            voltages |= {(supply, node): volts for node, volts in point.items()}
+    return voltages
 
 
 @hypothesis_settings(max_examples=20)
@@ -82,12 +82,12 @@ def test_an_as_i_line_has_the_voltages_of_its_plan(loop, option):
     supplies = supply_tables(design)[0].query("kind == 'supply'")
     line = supplies["supply"].map(design.devices.set_index("device")["line"])
     lines = supplies.groupby([line, "segment"])[["lowest_v", "current_a"]]
-    found = lines.agg({"lowest_v": "min", "current_a": "max"})
+    computed = lines.agg({"lowest_v": "min", "current_a": "max"})
     assert (design.devices["kind"] == "repeater").sum() > 5
     assert set(line) == ({"A", "B"} if option == "AS-i doubled" else {""})
     expected = design.segments.set_index("segment")[["lowest_v", "supply_current_a"]]
     for name in set(line):
-        values = found.loc[name].loc[expected.index].to_numpy()
+        values = computed.loc[name].loc[expected.index].to_numpy()
         assert values == pytest.approx(expected.to_numpy(), abs=1e-9)
 
 
@@ -155,12 +155,12 @@ def test_feeders_are_as_thin_as_the_limits_allow(option):
         (cable,) = set(tree["cable"])
         assert (tree["shorted_v"] >= tree["needed_v"] - 1e-9).all()
         assert (tree["current_a"] + limits.short <= cables()[cable].current).all()
-        place = [size.id for size in sizes].index(cable)
-        if place == 0:
+        index = [size.id for size in sizes].index(cable)
+        if index == 0:
             continue
-        thinner, lost = sizes[place - 1], 24 - tree["shorted_v"]
+        thinner, lost = sizes[index - 1], 24 - tree["shorted_v"]
         spur = tree["voltage_v"] - tree["lowest_v"]
-        lost = spur + (lost - spur) * thinner.resistance / sizes[place].resistance
+        lost = spur + (lost - spur) * thinner.resistance / sizes[index].resistance
         late = tree["current_a"] + limits.short > thinner.current
         assert (lost > limits.drop * limits.voltage + 1e-9).any() or late.any()
 
@@ -169,10 +169,10 @@ def test_feeders_are_as_thin_as_the_limits_allow(option):
 def test_thicker_feeders_and_more_supplies_are_weighed_by_price(option, monkeypatch):
     # The costs are those of the bill, which does not depend on how the planner chooses.
     def planned(price):
-        known = read_assumptions()
-        given = replace(known["supply"], range=Range(price, price, price))
+        assumptions = read_assumptions()
+        priced = replace(assumptions["supply"], range=Range(price, price, price))
         monkeypatch.setattr(
-            "shipnet.design.supply.read_assumptions", lambda: {**known, "supply": given}
+            "shipnet.design.supply.read_assumptions", lambda: {**assumptions, "supply": priced}
         )
         design = plan(ship(400), SITE, option)
         assert design.check("supply").table().set_index("rule")["verdict"]["voltage"] == "met"
@@ -250,7 +250,7 @@ def test_the_cable_of_the_worst_point_counts():
 def boat(values=None, *, tails=1.0, places=((10, 0, 0), (40, 0, 0)), each=1):
     """Return a CAN design that meets every rule of NMEA 2000 and of supplies."""
     small = {"supply.station": 0.1, "supply.solenoid": 0.1, "boxes.reach": 3, "tails": tails}
-    rows = [("solenoid", place, 1000) for place in places for _ in range(each)]
+    rows = [("solenoid", position, 1000) for position in places for _ in range(each)]
     site = Site((0.0, 0.0, 0.0), detour=1.0, tails=tails)
     return plan(table(rows), site, "CAN", settings=Settings(small | (values or {})))
 
@@ -302,9 +302,9 @@ def with_ends(most):
 
 
 def test_a_small_boat_meets_every_rule_of_supply_and_nmea_2000():
-    found = [boat().check(name).table() for name in ("supply", "NMEA 2000")]
-    assert set(pd.concat(found)["rule"]) == set(VIOLATIONS)
-    assert (pd.concat(found)["verdict"] == "met").all()
+    tables = [boat().check(name).table() for name in ("supply", "NMEA 2000")]
+    assert set(pd.concat(tables)["rule"]) == set(VIOLATIONS)
+    assert (pd.concat(tables)["verdict"] == "met").all()
 
 
 @pytest.mark.parametrize("rule", VIOLATIONS)
@@ -355,8 +355,8 @@ def test_a_trunk_whose_resistance_or_length_is_not_listed_is_not_verified():
         plan(ship(30), SITE, "Modbus RTU"),
         plan(ship(30), SITE, "home runs"),
     ):
-        found = design.check("supply").table().set_index("rule").loc["trunk resistance"]
-        assert found["verdict"] == "not verified" and np.isnan(found["value"])
+        finding = design.check("supply").table().set_index("rule").loc["trunk resistance"]
+        assert finding["verdict"] == "not verified" and np.isnan(finding["value"])
 
 
 def test_a_design_without_feeders_has_no_supplies():

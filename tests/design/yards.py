@@ -91,9 +91,9 @@ def hamburg(points):
             '"' if p["system"] == system else p["system"],
             "dto." if p["box"] == box else p["box"],
         ]
-        place = [f"{1000 * p['x_m']:.0f}", comma(100 * p["y_m"]), comma(p["z_m"])]
+        position = [f"{1000 * p['x_m']:.0f}", comma(100 * p["y_m"]), comma(p["z_m"])]
         lengths = [f"{comma(p['home_run_m'])} m", comma(p["update_ms"] / 1000)]
-        rows.append([tag, *same, words[p["signal"]], *place, *lengths, ""])
+        rows.append([tag, *same, words[p["signal"]], *position, *lengths, ""])
         system, box = p["system"], p["box"]
     rows.append(cells("P900|Anlage X|JB1|Schließer|1|1|1|1|1|entfällt"))
     settings = '[columns]\n"X FROM AP (mm)" = "x_m"\n"Zyklus (s)" = "update_ms"\n'
@@ -121,8 +121,8 @@ def stavanger(points):
     rows, boxes = [cells(titles)], once([p["box"] for p in points.values()])
     for (tag, p), box in zip(points.items(), boxes, strict=True):
         side = f"{abs(p['y_m']):.1f}({'P' if p['y_m'] > 0 else 'S'})" if p["y_m"] else "CL"
-        place = [p["frame"], p["deck"], side, p["home_run_m"], p["update_ms"] / 1000, ""]
-        rows.append([tag, p["system"], box, p["signal"], *place])
+        position = [p["frame"], p["deck"], side, p["home_run_m"], p["update_ms"] / 1000, ""]
+        rows.append([tag, p["system"], box, p["signal"], *position])
     rows.append(["P901", "Anlegg X", "JB1", "contact", 5, "A", "CL", 3, 1, "slettet"])
     frames = [["Frame", "X from AP [mm]"], *([frame, 1000 * x] for frame, x in FRAMES.items())]
     decks = [["Deck", "Height above BL [m]"], *map(list, DECKS.items())]
@@ -142,9 +142,9 @@ def ulsan(points):
             "상동" if p["system"] == system else p["system"],
             "〃" if p["box"] == box else p["box"],
         ]
-        place = [f"{p['x_m']}m", p["y_m"], f"{1000 * p['z_m']:g}mm"]
+        position = [f"{p['x_m']}m", p["y_m"], f"{1000 * p['z_m']:g}mm"]
         rows.append(
-            [tag, *same, words[p["signal"]], *place, length, f"{p['update_ms'] / 1000:g} s", ""]
+            [tag, *same, words[p["signal"]], *position, length, f"{p['update_ms'] / 1000:g} s", ""]
         )
         system, box = p["system"], p["box"]
     rows.insert(9, cells("P902|상동|〃|무전압 접점|1|1|1|1|1 s|삭제"))
@@ -155,15 +155,15 @@ def repair(points):
     """Workbook of a repair yard: struck tags, notes that a point is gone, a dash as tag."""
     rows, struck = [cells("Item|Tag|System|JB|Signal|X|Y|Z|Cable length|Scan|Remark")], []
     for number, (tag, p) in enumerate(points.items()):
-        own = [p["system"], p["box"], p["signal"], *numbers(p)]
-        rows.append([number + 1, tag, *own, ""])
+        shared = [p["system"], p["box"], p["signal"], *numbers(p)]
+        rows.append([number + 1, tag, *shared, ""])
         if number % 20 == 0:
-            rows.append(["", f"OLD{number}", *own, ""])
+            rows.append(["", f"OLD{number}", *shared, ""])
             struck.append((len(rows), 2))
         if number % 20 == 5:
-            rows.append([number + 1, f"GONE{number}", *own, "deleted, not fitted"])
+            rows.append([number + 1, f"GONE{number}", *shared, "deleted, not fitted"])
         if number % 20 == 10:
-            rows.append([number + 1, "-", *own, ""])
+            rows.append([number + 1, "-", *shared, ""])
     return "xlsx", workbook(rows, struck=struck), "", len(rows) - 1 - len(points)
 
 
@@ -176,8 +176,14 @@ def gdansk(points):
     for tag, p in points.items():
         serial, side = p["signal"] == "serial", "P" if p["y_m"] > 0 else "S" if p["y_m"] else "CL"
         signal = ["SER", ""] if serial else [KINDS[p["signal"]], p["signal"]]
-        place = [f"FR {p['frame']}", p["deck"], side, f"{abs(100 * p['y_m']):g}", p["home_run_m"]]
-        rows.append([tag, p["system"], p["box"], *signal, *place, f"{p['update_ms']:g}"])
+        position = [
+            f"FR {p['frame']}",
+            p["deck"],
+            side,
+            f"{abs(100 * p['y_m']):g}",
+            p["home_run_m"],
+        ]
+        rows.append([tag, p["system"], p["box"], *signal, *position, f"{p['update_ms']:g}"])
     frames = "".join(f"{frame} = {x}\n" for frame, x in FRAMES.items())
     decks = "".join(f"{deck} = {z}\n" for deck, z in DECKS.items())
     return "csv", text(rows, "\t", "utf-16"), f"[frames]\n{frames}[decks]\n{decks}", 0
@@ -189,8 +195,8 @@ def shanghai(points):
     systems = once([p["system"] for p in points.values()])
     for (tag, p), system in zip(points.items(), systems, strict=True):
         side = f"{'P' if p['y_m'] > 0 else 'S'} {abs(p['y_m'])}" if p["y_m"] else "CL"
-        place = f"FR{p['frame']} / {p['deck']} / {side}"
-        rows.append([tag, system, p["box"], p["signal"], place, p["home_run_m"], p["update_ms"]])
+        position = f"FR{p['frame']} / {p['deck']} / {side}"
+        rows.append([tag, system, p["box"], p["signal"], position, p["home_run_m"], p["update_ms"]])
     both = [["Frame", "x [m]", "", "Deck", "z [m]"]]
     for number in range(4):
         frame = [*list(FRAMES.items())[number]] if number < 3 else ["", ""]

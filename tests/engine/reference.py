@@ -158,7 +158,7 @@ def islands(system, faults, now):
 
 
 def run_reference(system, duration, faults, phases):
-    """Return [(seen, {message: (samples, known) or None})] for every answer."""
+    """Return [(seen, {message: (samples, earliest) or None})] for every answer."""
     warm = 4 * int(system.period_ns.max()) + 10**9
     boxes = [Box(system, k, ns(phases[b]), warm) for k, b in enumerate(system.boxes)]
     silence = ns(system.serial.frame_time(8) + system.serial.t35)

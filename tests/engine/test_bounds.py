@@ -41,9 +41,9 @@ def test_the_worst_phases_attain_the_bound_of_a_value_of_the_polled_box():
     end = system.convert_ns[0] / 1e9
     phases = {"JB1": 0.2, "JB2": 0.3, "JB3": 0.4, "AMS": 0.2 + end - read_time(system) - 1e-9}
     run = simulate(system, until=10, phases=phases)
-    place = 0
-    bound = system.worst_age()["worst_s"].iloc[place]
-    assert run.table()["worst_s"].iloc[place] == pytest.approx(bound, abs=1e-7)
+    index = 0
+    bound = system.worst_age()["worst_s"].iloc[index]
+    assert run.table()["worst_s"].iloc[index] == pytest.approx(bound, abs=1e-7)
 
 
 def test_the_worst_phases_attain_the_bound_of_a_value_received_on_can():
@@ -55,19 +55,19 @@ def test_the_worst_phases_attain_the_bound_of_a_value_received_on_can():
     taken = 0.3 + system.can_response[-1] + system.firmware.receive
     phases["AMS"] = taken - read_time(system) - 2e-9
     run = simulate(system, until=10, phases=phases)
-    place = int(np.flatnonzero(system.message_of == 21)[0])
-    bound = system.worst_age()["worst_s"].iloc[place]
+    index = int(np.flatnonzero(system.message_of == 21)[0])
+    bound = system.worst_age()["worst_s"].iloc[index]
     # Frame times are rounded to nanoseconds, here for 22 frames.
-    assert run.table()["worst_s"].iloc[place] == pytest.approx(bound, abs=1e-7)
+    assert run.table()["worst_s"].iloc[index] == pytest.approx(bound, abs=1e-7)
 
 
 def test_the_terms_add_up_and_own_values_skip_the_bus():
     ages = System().worst_age()
     terms = ages.columns[3:-1]
     assert ages[terms].sum(axis=1).to_numpy() == pytest.approx(ages["worst_s"].to_numpy())
-    own = ages["box"] == "JB1"
-    assert (ages.loc[own, ["can_s", "handling_s", "interrupt_s"]] == 0).all(axis=None)
-    assert (ages.loc[~own, "can_s"] > 0).all()
+    polled = ages["box"] == "JB1"
+    assert (ages.loc[polled, ["can_s", "handling_s", "interrupt_s"]] == 0).all(axis=None)
+    assert (ages.loc[~polled, "can_s"] > 0).all()
     # Registers are read 13.2 ms before the poll is 250 ms old: request and silence come first.
     assert ages["transaction_s"].iloc[0] == pytest.approx(0.25479 - 0.0131771, abs=1e-5)
 
@@ -79,12 +79,12 @@ def silent(system, start, phases):
 def test_the_worst_phases_of_a_dead_box_attain_the_bound():
     system = System()
     phases = {"JB1": 0.4, "JB2": 0.1, "JB3": 0.3, "AMS": 0.0}
-    heard = 0.1 + system.loop_ns[1] / 1e9 + 605 * 8e-6 + system.firmware.receive
-    marked = heard + 5 + system.stale_limit + system.firmware.mark
+    received = 0.1 + system.loop_ns[1] / 1e9 + 605 * 8e-6 + system.firmware.receive
+    marked = received + 5 + system.stale_limit + system.firmware.mark
     phases["AMS"] = (marked - read_time(system)) % 1.0 - 1e-4
     # The box dies after its last frame, and the poll comes just before the mark.
-    run = silent(system, heard + 5, phases)
-    after = run.alarms()["time_s"].max() - (heard + 5)
+    run = silent(system, received + 5, phases)
+    after = run.alarms()["time_s"].max() - (received + 5)
     # The bound includes another interrupt and a queue of CAN frames, 6.1 ms in all.
     assert after == pytest.approx(system.staleness_flag().after, abs=0.0065)
     assert after == pytest.approx(5.25, abs=0.01)
@@ -96,8 +96,8 @@ def noticed(system, box, start, rng):
     run = simulate(
         system, until=start + bound.after + 5, faults=[DeadBox(box, start=start)], rng=rng
     )
-    own = run.table()[run.table()["box"] == box]
-    return own["good_until_s"].max() - start, own["worst_s"].max()
+    points = run.table()[run.table()["box"] == box]
+    return points["good_until_s"].max() - start, points["worst_s"].max()
 
 
 @pytest.mark.parametrize(
@@ -113,8 +113,8 @@ def noticed(system, box, start, rng):
 def test_the_bound_includes_time_outs_of_a_dead_polled_box(system):
     rng = np.random.default_rng(2024)
     bound = system.staleness_flag()
-    found = [noticed(system, "JB1", 10 + rng.uniform(0, 1), rng) for _ in range(40)]
-    after, oldest = np.max(found, axis=0)
+    delays = [noticed(system, "JB1", 10 + rng.uniform(0, 1), rng) for _ in range(40)]
+    after, oldest = np.max(delays, axis=0)
     # With long time-outs the bound is conservative: it allows a mark at any time in a poll.
     assert 0.6 * bound.after < after <= bound.after
     assert oldest <= bound.oldest
@@ -153,16 +153,16 @@ def test_no_dead_box_of_any_system_is_shown_for_longer_than_the_bound(system, bo
 
 def test_the_ams_leaves_a_cut_channel_after_133_ms_and_has_an_answer_within_2_s():
     system = System()
-    told = system.switch_over()
+    times = system.switch_over()
     run = simulate(system, until=20, faults=[ModbusBreak("1", start=9.9)])
     lost = run.requests()[run.requests()["outcome"] == "no answer"]
     taken = run.requests()[run.requests()["channel"] == 2]
     assert len(lost) == 1
-    assert taken["time_s"].iloc[0] - lost["time_s"].iloc[0] == pytest.approx(told.request)
-    assert told.request == pytest.approx(0.133, abs=5e-5)
-    assert run.answers()["answer_s"].max() == pytest.approx(told.answer)
-    assert told.answer < told.loss < told.gap < 2
-    assert told.gap == pytest.approx(1.255, abs=5e-4)
+    assert taken["time_s"].iloc[0] - lost["time_s"].iloc[0] == pytest.approx(times.request)
+    assert times.request == pytest.approx(0.133, abs=5e-5)
+    assert run.answers()["answer_s"].max() == pytest.approx(times.answer)
+    assert times.answer < times.loss < times.gap < 2
+    assert times.gap == pytest.approx(1.255, abs=5e-4)
 
 
 @pytest.mark.parametrize("bit_rate", [1200, 9600, 115200])
@@ -180,9 +180,9 @@ def test_timeout_for_inverts_the_switch_over_time(bit_rate, retries):
 def test_the_known_age_is_at_least_the_true_age_and_marks_no_healthy_value():
     system = System.corrected()
     run = simulate(system, until=60, rng=np.random.default_rng(5))
-    for place, message in enumerate(system.message_of.tolist()):
-        shown = run._shown(place)
-        assert (run.views.known[:, message] <= shown.sampled).all()
+    for index, message in enumerate(system.message_of.tolist()):
+        shown = run._shown(index)
+        assert (run.views.earliest[:, message] <= shown.sampled).all()
     assert run.alarms().empty
     assert (system.hop_ns(0) > 0).all()
 

@@ -42,14 +42,14 @@ def known(faults, time, box=0):
 
 def at(time, sensors=SENSORS):
     """Return the values of all sensors at a time."""
-    return np.array([sensors.at(place, time) for place in range(len(POINTS))])
+    return np.array([sensors.at(index, time) for index in range(len(POINTS))])
 
 
 def test_a_real_client_reads_what_the_sensors_measure():
     registers = RegisterMap(POINTS)
     with serve(speed=0) as server:
         client = ModbusTcpClient("127.0.0.1", port=server.port, timeout=60)
-        found = {
+        values_of = {
             unit: client.read_holding_registers(0, count=99, device_id=unit).registers
             for unit in (2, 3)
         }
@@ -58,7 +58,7 @@ def test_a_real_client_reads_what_the_sensors_measure():
         client.close()
     assert (refused.exception_code, beyond.exception_code) == (1, 2)
     steps = registers.table()["step"].to_numpy()
-    for content in found.values():
+    for content in values_of.values():
         values = registers.decode(content)
         good = ~np.isnan(values)
         # In the printed coding a reading of 25.5 is mistaken for the mark.
@@ -125,10 +125,10 @@ def test_what_cannot_be_served_is_refused():
 
 def test_the_program_serves_the_boxes_and_stops_upon_an_interrupt():
     with running("serve", "engine", "--port", "0", "--speed", "0") as program:
-        said = program.stdout.readline()
-        port = int(re.search(r"port (\d+) \(TCP\): unit ids 2 and 3, and 247 for faults", said)[1])
+        line = program.stdout.readline()
+        port = int(re.search(r"port (\d+) \(TCP\): unit ids 2 and 3, and 247 for faults", line)[1])
         client = ModbusTcpClient("127.0.0.1", port=port, timeout=60)
-        found = [
+        values = [
             client.read_holding_registers(0, count=99, device_id=unit).registers for unit in (2, 3)
         ]
         client.close()
@@ -136,7 +136,7 @@ def test_the_program_serves_the_boxes_and_stops_upon_an_interrupt():
         out, error = program.communicate(timeout=60)
         assert (program.returncode, out, error) == (0, "stopped\n", "")
     sensors = SyntheticValues(POINTS, np.random.default_rng(2024))
-    assert found[0] == found[1] == RegisterMap(POINTS).encode(at(0.0, sensors)).tolist()
+    assert values[0] == values[1] == RegisterMap(POINTS).encode(at(0.0, sensors)).tolist()
 
 
 def test_a_valve_fault_is_not_an_engine_fault(capsys):
@@ -172,16 +172,16 @@ def test_a_fault_is_a_place_and_an_event(words, fault):
 
 def test_broken_wires_read_the_value_that_the_card_computes():
     tag, card = "ME-JB2-044", InputCard(POINTS)
-    place = next(k for k, point in enumerate(POINTS) if point.tag == tag)
+    index = next(k for k, point in enumerate(POINTS) if point.tag == tag)
     for kind, wire in ((OpenWire, "open"), (ShortCircuit, "short")):
         good, values = known([kind(tag, start=3, stop=6)], 5.0)
-        assert good.all() and values[place] == card.value(card.broken(wire))[place]
-        assert known([kind(tag, start=3, stop=6)], 6.5)[1][place] == SENSORS.at(place, 6.5)
-        others = np.arange(len(POINTS)) != place
+        assert good.all() and values[index] == card.value(card.broken(wire))[index]
+        assert known([kind(tag, start=3, stop=6)], 6.5)[1][index] == SENSORS.at(index, 6.5)
+        others = np.arange(len(POINTS)) != index
         assert values[others].tolist() == at(5.0)[others].tolist()
     run = simulate(System(), until=9, faults=[OpenWire(tag, start=3)])
     screen = run.screen(8.0).table()
-    read = round(card.value(card.broken("open"))[place])
+    read = round(card.value(card.broken("open"))[index])
     assert screen.loc[tag, ["value", "mark"]].tolist() == [read, ""] and run.alarms().empty
 
 
@@ -201,15 +201,15 @@ def test_a_register_starts_and_ends_a_fault():
 
 def test_the_register_of_a_sensor_has_one_of_three_faults():
     slaves, read = serve(speed=0).slaves, Request.read_holding_registers(100, 1)
-    own = Request.read_holding_registers(0, 1)
-    moving = [slaves[2].answer(own, time) for time in (5.0, 50.0)]
+    request = Request.read_holding_registers(0, 1)
+    moving = [slaves[2].answer(request, time) for time in (5.0, 50.0)]
     assert moving[0] != moving[1]
     for content in (1, 2, 3, 2, 0):
         assert write(slaves, 100, content, 5.0)
         assert slaves[247].answer(read, 5.0) == bytes([3, 2, 0, content])
-    assert slaves[2].answer(own, 50.0) == moving[1]
+    assert slaves[2].answer(request, 50.0) == moving[1]
     write(slaves, 100, 1, 5.0)
-    assert slaves[2].answer(own, 50.0) == moving[0]
+    assert slaves[2].answer(request, 50.0) == moving[0]
 
 
 def test_unknown_registers_and_faults_are_refused():

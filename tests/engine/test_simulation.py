@@ -39,9 +39,9 @@ def assert_same(system, duration, faults, phases):
         for point, message in enumerate(system.message_of.tolist()):
             assert good[row, message] == (view[message] is not None)
             if view[message] is not None:
-                samples, known = view[message]
+                samples, earliest = view[message]
                 assert shown[point].sampled[row] == samples[point]
-                assert run.views.known[row, message] == known
+                assert run.views.earliest[row, message] == earliest
     return run
 
 

@@ -52,9 +52,11 @@ def test_no_reading_that_is_found_turns_normal_into_a_fault(vector, gone, method
     vector |= dict.fromkeys(gone, NAN)
     if top(vector, method, threshold) == "normal":
         cells = BASE.regions("midpoint" if method == "fuzzy" else method)
-        known = {name: x for name, x in vector.items() if not lost(name, x)}
-        found = BASE.decide(cells[list(BASE.names)].assign(**known), method, threshold=threshold)
-        assert set(found.top) == {"normal"}
+        remaining = {name: x for name, x in vector.items() if not lost(name, x)}
+        decision = BASE.decide(
+            cells[list(BASE.names)].assign(**remaining), method, threshold=threshold
+        )
+        assert set(decision.top) == {"normal"}
 
 
 @given(readings, methods, thresholds)
@@ -85,19 +87,19 @@ def test_arrays_have_the_decisions_of_their_samples_and_of_plain_loops(rows, met
     table = {name: [row[name] for row in rows] for name in BASE.names}
     decision = BASE.decide(table, method, k=k, n=n)
     alone = [BASE.decide(row, method) for row in rows]
-    for place in range(len(rows)):
-        window = alone[max(0, place - n + 1) : place + 1]
+    for sample in range(len(rows)):
+        window = alone[max(0, sample - n + 1) : sample + 1]
         fired = sum(one.active.astype(int) for one in window)
         could = fired + sum(one.open.astype(int) for one in window)
-        assert decision.active[place].tolist() == (fired >= k).tolist()
-        opened = (fired < k) & (could > fired) & (could >= min(k, place + 1))
-        assert decision.open[place].tolist() == opened.tolist()
+        assert decision.active[sample].tolist() == (fired >= k).tolist()
+        opened = (fired < k) & (could > fired) & (could >= min(k, sample + 1))
+        assert decision.open[sample].tolist() == opened.tolist()
 
 
 def test_one_healthy_reading_is_no_healthy_valve():
-    found = ballast.diagnose(FP=100)
-    assert found.top[()] == "undetermined"
-    assert found.explain() == (
+    diagnosis = ballast.diagnose(FP=100)
+    assert diagnosis.top[()] == "undetermined"
+    assert diagnosis.explain() == (
         "undetermined: cannot exclude V2 Pos1 Pos2 S1 S2 Pos3 Pos4 O1; missing OP MC OT VPos DVPos"
     )
     assert ballast.diagnose().top[()] == "undetermined"
@@ -125,8 +127,10 @@ def test_readings_that_no_sensor_gives_are_missing_and_fire_nothing(method):
     assert absurd.explain().endswith("out of range FP -50 bar, OT -400 degC")
     high = HEALTHY | {"FP": 125}
     for name, x in (("FP", 1e4), ("FP", math.inf), ("MC", -9.0), ("OT", 1e5), ("VPos", -math.inf)):
-        found = ballast.diagnose({**(high if name == "MC" else HEALTHY), name: x}, method=method)
-        assert found.top[()] == "undetermined" and f"out of range {name}" in found.explain()
+        diagnosis = ballast.diagnose(
+            {**(high if name == "MC" else HEALTHY), name: x}, method=method
+        )
+        assert diagnosis.top[()] == "undetermined" and f"out of range {name}" in diagnosis.explain()
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -146,14 +150,14 @@ def test_a_fault_names_the_higher_ranked_faults_that_are_open():
 
 
 def test_what_does_not_apply_is_not_missing():
-    rest = {**HEALTHY, "DVPos": NAN}
-    assert top(rest) == "undetermined"
-    found = BASE.decide(rest, applies={"DVPos": False})
-    assert found.explain() == "normal 1.00" and not found.firing.missing.any()
+    readings = {**HEALTHY, "DVPos": NAN}
+    assert top(readings) == "undetermined"
+    decision = BASE.decide(readings, applies={"DVPos": False})
+    assert decision.explain() == "normal 1.00" and not decision.firing.missing.any()
     mixed = BASE.decide({**HEALTHY, "DVPos": [0, 0, NAN]}, applies={"DVPos": [True, False, False]})
     assert mixed.top.tolist() == ["V2", "normal", "normal"]
     # It does not hide that other readings are missing.
-    blind = BASE.decide({**rest, "OT": NAN}, applies={"DVPos": False})
+    blind = BASE.decide({**readings, "OT": NAN}, applies={"DVPos": False})
     assert blind.explain() == "undetermined: cannot exclude O1; missing OT"
 
 
@@ -191,7 +195,14 @@ def test_a_rule_base_of_ones_own_follows_the_same_logic():
     level = Term("low", (-math.inf, -math.inf, 10, 20), "x < 15")
     variables = (Variable("T", "degC", 0, 100, (hot,)), Variable("L", "%", 0, 100, (level,)))
     base = RuleBase(variables, (Rule("Dry", "T.hot & L.low", 1), Rule("Hot", "T.hot", 2)))
-    said = base.decide({"T": [20, 90, 90, NAN, 300, 62], "L": [NAN, NAN, 50, 50, 5, NAN]})
-    assert said.top.tolist() == ["normal", "Hot", "Hot", "undetermined", "undetermined", "normal"]
-    assert said.explain(1) == "Hot 1.00: T 90 degC hot 1.00; cannot exclude Dry; missing L"
-    assert said.explain(4) == "undetermined: cannot exclude Dry Hot; out of range T 300 degC"
+    decision = base.decide({"T": [20, 90, 90, NAN, 300, 62], "L": [NAN, NAN, 50, 50, 5, NAN]})
+    assert decision.top.tolist() == [
+        "normal",
+        "Hot",
+        "Hot",
+        "undetermined",
+        "undetermined",
+        "normal",
+    ]
+    assert decision.explain(1) == "Hot 1.00: T 90 degC hot 1.00; cannot exclude Dry; missing L"
+    assert decision.explain(4) == "undetermined: cannot exclude Dry Hot; out of range T 300 degC"

@@ -34,15 +34,15 @@ def test_known_characters_have_the_bits_written_by_hand(character, byte, bits):
 @given(data=st.binary(min_size=1, max_size=20), serial=LINES)
 def test_a_waveform_lasts_as_long_as_frames_and_silences(data, serial):
     sent = serial.waveform([data, data], gap=0.002, start=0.001)
-    time, level, found = sent.time, sent.level, sent.decode()
-    assert found.data == 2 * data and not found.code.any()
+    time, level, characters = sent.time, sent.level, sent.decode()
+    assert characters.data == 2 * data and not characters.code.any()
     frame = len(data) * serial.character_time
     assert time[0] == 0 and time[-1] == pytest.approx(0.001 + 2 * frame + 2 * 0.002)
     assert time[1] == pytest.approx(0.001)
     assert (np.diff(time) > 0).all() and (np.diff(level)[:-1] != 0).all()
     places = np.arange(len(data)) * serial.character_time
     expected = np.append(0.001 + places, 0.003 + frame + places)
-    assert found.time == pytest.approx(expected)
+    assert characters.time == pytest.approx(expected)
 
 
 def test_a_scope_trace_is_read_like_its_corners():
@@ -57,13 +57,13 @@ def test_a_scope_trace_is_read_like_its_corners():
 @pytest.mark.parametrize("character", ["8E1", "8O1", "8E2"])
 def test_one_wrong_bit_in_a_character_is_a_parity_error(character):
     line = SerialLine(9600, character)
-    for place in range(1, 10):
+    for bit in range(1, 10):
         bits = _line_bits(b"\x5a", line)[0].astype(float)
-        bits[place] = 1 - bits[place]
+        bits[bit] = 1 - bits[bit]
         time = np.arange(bits.size + 2) / 9600
-        found = Waveform(time, np.concatenate([[1], bits, [1]]), line).decode()
-        assert found.code.tolist() == [ParityError.code]
-        assert found.value[0] == (0x5A ^ (1 << place - 1) if place < 9 else 0x5A)
+        characters = Waveform(time, np.concatenate([[1], bits, [1]]), line).decode()
+        assert characters.code.tolist() == [ParityError.code]
+        assert characters.value[0] == (0x5A ^ (1 << bit - 1) if bit < 9 else 0x5A)
 
 
 @pytest.mark.parametrize("character", FORMATS)
@@ -72,15 +72,15 @@ def test_a_stop_bit_of_0_is_a_framing_error_and_the_line_is_found_again(characte
     bits = _line_bits(b"\x5a\xff", line).astype(float)
     bits[0, -int(character[2])] = 0
     row = np.concatenate([[1], bits[0], [1, 1], bits[1], [1]])
-    found = Waveform(np.arange(row.size) / 9600, row, line).decode()
-    assert found.code.tolist() == [FormError.code, 0]
-    assert found.value.tolist() == [0x5A, 0xFF]
+    characters = Waveform(np.arange(row.size) / 9600, row, line).decode()
+    assert characters.code.tolist() == [FormError.code, 0]
+    assert characters.value.tolist() == [0x5A, 0xFF]
 
 
 @pytest.mark.parametrize("levels", [[1, 0, 1], [1, 0]])
 def test_a_break_is_one_character_of_zeros_with_a_framing_error(levels):
-    found = Waveform(range(len(levels)), levels, SerialLine(9600, "8N1")).decode()
-    assert (found.value.tolist(), found.code.tolist()) == ([0], [FormError.code])
+    characters = Waveform(range(len(levels)), levels, SerialLine(9600, "8N1")).decode()
+    assert (characters.value.tolist(), characters.code.tolist()) == ([0], [FormError.code])
 
 
 def test_a_spike_is_not_a_start_bit():
@@ -92,20 +92,20 @@ def test_a_spike_is_not_a_start_bit():
 
 @pytest.mark.parametrize("nothing", [([], []), ([0], [1]), ([0], [0]), ([0, 1, 2], [1, 1, 1])])
 def test_an_idle_line_has_no_characters(nothing):
-    found = Waveform(*nothing, SerialLine(9600)).decode()
-    assert found.data == b"" and found.time.size == found.code.size == 0
+    characters = Waveform(*nothing, SerialLine(9600)).decode()
+    assert characters.data == b"" and characters.time.size == characters.code.size == 0
 
 
 @given(steps=st.lists(st.tuples(st.floats(0, 5e-3), st.floats(-10, 10)), max_size=60), serial=LINES)
 def test_the_decoder_survives_any_levels(steps, serial):
     time, level = np.cumsum([s[0] for s in steps]), [s[1] for s in steps]
-    found = Waveform(time, level, serial).decode()
-    assert set(found.code) <= {0, ParityError.code, FormError.code}
-    assert len(found.data) == found.time.size == found.code.size
+    characters = Waveform(time, level, serial).decode()
+    assert set(characters.code) <= {0, ParityError.code, FormError.code}
+    assert len(characters.data) == characters.time.size == characters.code.size
     bits = 10 + (serial.character[1] != "N")
     # The next start bit follows the sample of a stop bit of 1 by at least half a bit.
     least = (bits - 1) / serial.bit_rate
-    assert (np.diff(found.time) >= least).all()
+    assert (np.diff(characters.time) >= least).all()
 
 
 #: Bytes with 0 or 1 before the stop bit, for either parity.
@@ -117,8 +117,8 @@ def reads(deviation, line, phase):
     sender = SerialLine(line.bit_rate * (1 + deviation), line.character)
     for first in WORST:
         data = bytes([first, *WORST])
-        found = sender.waveform(data, start=(20 + phase) / line.bit_rate).decode(line)
-        if found.data != data or found.code.any():
+        characters = sender.waveform(data, start=(20 + phase) / line.bit_rate).decode(line)
+        if characters.data != data or characters.code.any():
             return False
     return True
 

@@ -76,10 +76,10 @@ class _Case:
     def _key(self) -> bytes:
         """Key by which a worker recognises a case from an earlier task."""
         arrays = self.bits.astype(np.int8).tobytes() + self.u.tobytes()
-        rest = f"{self.dt!r} {self.sigma!r} {asdict(self.receiver)}"
-        return sha256(arrays + rest.encode()).digest()
+        parameters = f"{self.dt!r} {self.sigma!r} {asdict(self.receiver)}"
+        return sha256(arrays + parameters.encode()).digest()
 
-    def heard(self, u: Floats, **changes: Any) -> Reception:
+    def received(self, u: Floats, **changes: Any) -> Reception:
         """Return what the receiver reads from filtered voltages."""
         settings = {**asdict(self.receiver), "matched": False, **changes}
         return receive(u, self.dt, self.bits.shape[1], **settings)
@@ -139,8 +139,8 @@ def _design_point(sides: list[tuple[Floats, float]]) -> Floats | None:
     system = np.vstack([np.transpose([a for a, _ in sides]), [b for _, b in sides]])
     target = np.zeros(len(system))
     target[-1] = 1
-    rest = system @ nnls(system, target, maxiter=1000)[0] - target
-    return None if rest[-1] > -1e-12 else np.asarray(-rest[:-1] / rest[-1])
+    residual = system @ nnls(system, target, maxiter=1000)[0] - target
+    return None if residual[-1] > -1e-12 else np.asarray(-residual[:-1] / residual[-1])
 
 
 @lru_cache(8)
@@ -151,7 +151,7 @@ def _points_of(case: _Case) -> Floats:
     columns = case.filtered(np.eye(n_t))
     gain = (columns - columns.mean(axis=1, keepdims=True)).T
     y = case.u @ gain.T
-    got = case.heard(y, window=0.0)
+    got = case.received(y, window=0.0)
     if got.error.any() or (got.bits != case.bits).any():
         raise ArgumentError("telegrams must be received without an error when there is no noise")
     half, stride = HALF_BIT / dt, max(1, round(_GRID / dt))
@@ -246,7 +246,7 @@ def _draw(
             disturbed.append(case.u[word] + noise)
     sizes = [len(ratio) for *_, ratio in batches]
     bits = case.bits[np.repeat([word for word, *_ in batches], sizes)]
-    got = case.heard(case.filtered(np.concatenate(disturbed)))
+    got = case.received(case.filtered(np.concatenate(disturbed)))
     wrong = (got.error != 0) | (got.bits != bits).any(axis=1)
     losses = np.split(wrong, np.cumsum(sizes)[:-1])
     for (word, each, ratio), lost in zip(batches, losses, strict=True):
