@@ -42,7 +42,7 @@ def served(folder: Path, root: Path, *options: str) -> Iterator[str]:
         subprocess.Popen(command, env=environment, stdout=out, stderr=out) as server,
     ):
         try:
-            for _ in range(240):
+            for _ in range(480):
                 assert server.poll() is None, log.read_text()
                 try:
                     urllib.request.urlopen(address, timeout=5).close()
@@ -111,7 +111,7 @@ def url(site: Path) -> Iterator[str]:
 def page(browser) -> Iterator[object]:
     """Yield a page; afterwards it must have asked nobody else for anything, and met no error."""
     context = browser.new_context(viewport={"width": 1400, "height": 1000})
-    context.set_default_timeout(30_000)
+    context.set_default_timeout(120_000)
     page = context.new_page()
     requests: list[str] = []
     errors: list[str] = []
