@@ -250,8 +250,8 @@ def _rows(file: Path, expected: Mapping[str, str]) -> int | None:
             return None
         raise _unusable(file, "read", problem) from problem
     metadata = table.schema.metadata or {}
-    found = {name: metadata.get(name.encode(), b"").decode(errors="replace") for name in expected}
-    _check_settings(file, found, expected)
+    if any(metadata.get(name.encode()) != value.encode() for name, value in expected.items()):
+        raise InputError(str(file), "is of another fleet; give an empty folder")
     return int(table.num_rows)
 
 
@@ -272,12 +272,7 @@ def _claim(folder: Path, settings: Mapping[str, str]) -> None:
         raise InputError(
             str(file), "is incomplete; if no other run is just writing it, delete it and repeat"
         ) from None
-    _check_settings(file, found, settings)
-
-
-def _check_settings(file: Path, found: Any, expected: Mapping[str, str]) -> None:
-    """Raise an error if a file has other settings than expected."""
-    for name, value in expected.items():
+    for name, value in settings.items():
         if (other := found.get(name)) != value:
             why = f"is of another fleet: its {name} is {other!r}, not {value!r}"
             raise InputError(str(file), f"{why}; give an empty folder")
