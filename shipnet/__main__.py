@@ -319,6 +319,9 @@ def _serve(arguments: argparse.Namespace) -> None:
     try:
         with server:
             _print(f"listening on {where.format(server.port)}: {units}; Ctrl-C stops")
+            local = arguments.host in ("localhost", "::1") or arguments.host.startswith("127.")
+            if arguments.serial is None and not local:
+                _print("Anybody on the network can now operate the simulated devices.")
             Event().wait()
     except KeyboardInterrupt:
         _print("stopped")

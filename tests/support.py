@@ -18,6 +18,9 @@ with (Path(__file__).parent / "reference" / "tolerances.csv").open(encoding="utf
     #: The comparisons with other routes to a result; `docs/build.py` shows them on a page.
     TOLERANCES = {row["key"]: row for row in csv.DictReader(file)}
 
+#: How long the processes of a cluster may take to start on a busy machine [s].
+PATIENCE = 300
+
 
 def tolerance(key: str) -> float:
     """Return how far a result may be from what it is compared with."""
@@ -55,17 +58,19 @@ def running(*arguments: str) -> Iterator[subprocess.Popen]:
 @contextmanager
 def two_workers() -> Iterator[object]:
     """Yield the client of a Dask cluster of two processes, on ports that are free."""
+    import dask
     from distributed import Client, LocalCluster
 
     free = {"dashboard_address": "127.0.0.1:0", "silence_logs": 50}
     with (
+        dask.config.set({"distributed.comm.timeouts.connect": PATIENCE}),
         LocalCluster(n_workers=2, threads_per_worker=1, processes=True, **free) as workers,
         Client(workers) as client,
     ):
-        client.wait_for_workers(2, timeout=60)
+        client.wait_for_workers(2, timeout=PATIENCE)
         yield client
         # One that was killed comes back before the cluster closes.
-        client.wait_for_workers(2, timeout=60)
+        client.wait_for_workers(2, timeout=PATIENCE)
 
 
 def load(upload: object, content: bytes, name: str = "a.csv") -> None:

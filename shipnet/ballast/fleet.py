@@ -7,13 +7,16 @@ one array operation can advance all of them.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from socket import gethostname
 from typing import Any, NamedTuple
+from uuid import uuid4
 
 import numpy as np
 
@@ -126,10 +129,9 @@ def _days(
 
 
 def _written(block: _Block) -> dict[str, int]:
-    """Write the files of a block that are not there yet, and return its counts."""
-    # The file of the faults is written last, and carries the counts.
-    if (about := _about(_file(block, "faults"), block.about)) is not None:
-        return {**json.loads(about["counts"]), "bytes": _size(block)}
+    """Write the files of a block that are absent or damaged, and return its counts."""
+    if (complete := _counts(block)) is not None:
+        return complete
     rng = np.random.default_rng(np.random.SeedSequence(block.seed, spawn_key=(block.number,)))
     history = [_History.drawn(block.days, block.faults_per_year, rng) for _ in range(block.valves)]
     faults = [fault for valve, past in enumerate(history, 1) for fault in past.faults(valve)]
@@ -151,7 +153,7 @@ def _written(block: _Block) -> dict[str, int]:
 
     samples = strokes = 0
     for day, run, diagnosis in _days(block, Plant(system, faults, rng), rng):
-        folder = f"day={_EPOCH.astype('M8[D]') + day}"
+        folder = _folder(day)
         values = {
             channel.column: run.readings[:, k].T.ravel().astype(np.float32)
             for k, channel in enumerate(CHANNELS)
@@ -167,11 +169,28 @@ def _written(block: _Block) -> dict[str, int]:
         place, start = moved["valve"].to_numpy(int) - 1, moved["start_s"].to_numpy(float)
         _save(block, labelled(place, start, columns), "strokes", folder)
         samples, strokes = samples + len(table), strokes + len(moved)
-    counts = {"block": block.number, "valves": n_valves, "faults": len(truth)}
-    counts |= {"samples": samples, "strokes": strokes}
     truth = truth.astype({"valve": "int32", "code": "object"})
-    _save(block, truth, "faults", counts=json.dumps(counts))
-    return {**counts, "bytes": _size(block)}
+    _save(block, truth, "faults")
+    counts = {"block": block.number, "valves": n_valves, "faults": len(truth)}
+    return counts | {"samples": samples, "strokes": strokes, "bytes": _size(block)}
+
+
+def _counts(block: _Block) -> dict[str, int] | None:
+    """Return the counts of a block; None if one of its files is absent or damaged."""
+    counts = {"block": block.number, "valves": block.valves}
+    days = [_folder(day) for day in range(block.days)]
+    # The file of the faults is written last, so it is absent from most incomplete blocks.
+    for kind, folders in {"faults": [""], "samples": days, "strokes": days}.items():
+        counts[kind] = 0
+        for folder in folders:
+            if (rows := _rows(_file(block, kind, folder), block.about)) is None:
+                return None
+            counts[kind] += rows
+    return counts | {"bytes": _size(block)}
+
+
+def _folder(day: int) -> str:
+    return f"day={_EPOCH.astype('M8[D]') + day}"
 
 
 def _file(block: _Block, *folders: str) -> Path:
@@ -183,43 +202,80 @@ def _size(block: _Block) -> int:
     return sum(f.stat().st_size for f in Path(block.folder).rglob(_file(block).name))
 
 
-def _save(block: _Block, table: pd.DataFrame, *folders: str, **more: str) -> None:
+def _save(block: _Block, table: pd.DataFrame, *folders: str) -> None:
     """Write a table to a file that is marked as synthetic, unless it is there."""
     file = _file(block, *folders)
-    if _about(file, block.about) is not None:
+    if _rows(file, block.about) is not None:
         return
     made = load_extra("pyarrow", "pyarrow").Table.from_pandas(table, preserve_index=False)
-    made = made.replace_schema_metadata({**made.schema.metadata, **block.about, **more})
+    made = made.replace_schema_metadata({**made.schema.metadata, **block.about})
     # The intervals between times have few distinct values, and so do the other columns.
     others = [name for name in made.column_names if name != "time"]
-    steps = {"time": "DELTA_BINARY_PACKED"} if "time" in made.column_names else None
+    form = {"compression": "zstd", "use_dictionary": others, "write_page_checksum": True}
+    if "time" in made.column_names:
+        form["column_encoding"] = {"time": "DELTA_BINARY_PACKED"}
+    content = BytesIO()
+    load_extra("pyarrow.parquet", "pyarrow").write_table(made, content, **form)
     # The file is renamed when it is complete, so that no reader sees a partial file.
-    file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_name(f".{file.name}.{gethostname()}.{os.getpid()}")
-    load_extra("pyarrow.parquet", "pyarrow").write_table(
-        made, partial, compression="zstd", use_dictionary=others, column_encoding=steps
-    )
-    with partial.open("rb+") as stream:
-        os.fsync(stream.fileno())
-    partial.replace(file)
-
-
-def _about(file: Path, expected: Mapping[str, str]) -> dict[str, str] | None:
-    """Return what a file of a fleet says about itself; None if it is absent or damaged."""
-    arrow = load_extra("pyarrow", "pyarrow")
+    partial = file.with_name(f".{file.name}.{uuid4().hex}")
     try:
-        metadata = load_extra("pyarrow.parquet", "pyarrow").read_schema(file).metadata or {}
-    except (FileNotFoundError, arrow.ArrowInvalid):
-        return None
-    about = {name.decode(): value.decode(errors="replace") for name, value in metadata.items()}
-    for name, value in expected.items():
-        if about.get(name) != value:
-            raise InputError(
-                str(file),
-                f"is of another fleet: its {name} is {about.get(name)!r}, not {value!r}; give an "
-                "empty folder",
-            )
-    return about
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("xb") as stream:
+            stream.write(content.getbuffer())
+            stream.flush()
+            os.fsync(stream.fileno())
+        partial.replace(file)
+    except OSError as problem:
+        with suppress(OSError):
+            partial.unlink()
+        # A second run of the same fleet may have written the file and removed the partial one.
+        if _rows(file, block.about) is None:
+            raise _unusable(file, "written", problem) from problem
+
+
+def _unusable(file: Path, use: str, problem: Any) -> InputError:
+    why = f"cannot be {use}: {problem.strerror}; correct this and repeat the call, which resumes"
+    return InputError(str(file), why)
+
+
+def _rows(file: Path, expected: Mapping[str, str]) -> int | None:
+    """Return the number of rows of a file of this fleet; None if it is absent or damaged."""
+    read = load_extra("pyarrow.parquet", "pyarrow").read_table
+    try:
+        with file.open("rb") as stream:
+            table = read(stream, page_checksum_verification=True)
+    except (OSError, load_extra("pyarrow", "pyarrow").ArrowException) as problem:
+        # An error of the system has a number; others are about the content.
+        if getattr(problem, "errno", None) in (None, errno.ENOENT):
+            return None
+        raise _unusable(file, "read", problem) from problem
+    metadata = table.schema.metadata or {}
+    if any(metadata.get(name.encode()) != value.encode() for name, value in expected.items()):
+        raise InputError(str(file), "is of another fleet; give an empty folder")
+    return int(table.num_rows)
+
+
+def _claim(folder: Path, settings: Mapping[str, str]) -> None:
+    """Write the fleet's settings into its folder, or refuse the folder of another fleet."""
+    file, created = folder / "fleet.json", False
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with suppress(FileExistsError), file.open("x", encoding="utf-8") as stream:
+            created = True
+            stream.write(json.dumps(settings, indent=1))
+        found = dict(json.loads(file.read_bytes()))
+    except OSError as problem:
+        if created:
+            file.unlink()
+        raise _unusable(file, "written", problem) from problem
+    except (TypeError, ValueError):
+        raise InputError(
+            str(file), "is incomplete; if no other run is just writing it, delete it and repeat"
+        ) from None
+    for name, value in settings.items():
+        if (other := found.get(name)) != value:
+            why = f"is of another fleet: its {name} is {other!r}, not {value!r}"
+            raise InputError(str(file), f"{why}; give an empty folder")
 
 
 def write_fleet(
@@ -239,8 +295,10 @@ def write_fleet(
     Parameters
     ----------
     folder : path
-        Folder for the files. After an interruption, the same call resumes: it skips complete
-        blocks. The files of a fleet with other arguments, or of another version, are refused.
+        Folder for the files. After an interruption, the same call resumes: it checks the files
+        that are there, and writes those that are absent or damaged. Two runs of the same call may
+        share a folder. The folder of a fleet with other arguments, or of another version, is
+        refused; ``fleet.json`` states both.
     valves : int, default 1000
         Number of valves, 1..100000; each task simulates a block of up to 50.
     days : int, default 365
@@ -269,7 +327,7 @@ def write_fleet(
     Raises
     ------
     InputError
-        If the folder cannot be written to, or contains another fleet.
+        If a file cannot be read or written, or the folder contains another fleet.
     ImportError
         If pyarrow is not installed: ``python -m pip install pyarrow``.
 
@@ -304,17 +362,15 @@ def write_fleet(
     settings |= {"idle_step": idle, "seed": source}
     about = {"synthetic": BASIS, "made_by": f"shipnet {__version__}"}
     about |= {name: str(value) for name, value in settings.items()}
-    try:
-        where.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise InputError(str(where), f"cannot be used: {problem.strerror}") from problem
+    _claim(where, about)
     if (earlier := next(where.rglob("block-*.parquet"), None)) is not None:
-        _about(earlier, about)
+        _rows(earlier, about)
     blocks = [
         _Block(str(where), k, min(BLOCK, count - first), lasts, rate, times, idle, source, about)
         for k, first in enumerate(range(0, count, BLOCK))
     ]
     rows = spread(_written, blocks, workers, progress)
-    for torn in where.glob("*/**/.block-*"):
-        torn.unlink()  # a temporary file left by a writer that was killed
+    for partial in where.glob("*/**/.block-*"):  # left by a run that was killed
+        with suppress(OSError):
+            partial.unlink()
     return pd.DataFrame(rows).set_index("block")

@@ -172,7 +172,8 @@ def serve(
         ``tcp`` is Modbus/TCP; ``udp`` sends the same frames in datagrams, as in kim2014, though no
         standard defines this; ``rtu`` is RTU on a serial line.
     host : str, default "127.0.0.1"
-        Address to listen on; by default only this machine can connect.
+        Address to listen on; by default only this machine can connect. With another address, such
+        as ``"0.0.0.0"``, anybody on the network can operate the devices.
     port : int, default 0
         TCP or UDP port, 0..65535; 0 selects a free one, see `Server.port`.
     serial_port : str, optional

@@ -1,6 +1,7 @@
 """Rare errors, compared with counts where possible, with theory where valid, and repeated."""
 
 from dataclasses import replace
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from shipnet.asi.emc.error_rates import count_errors, error_rate
 from shipnet.asi.emc.rare_errors import rare_error_rates
 from shipnet.asi.receiver import RECEIVERS, Receiver
 from shipnet.errors import ArgumentError
-from tests.support import tolerance
+from tests.support import require, tolerance
 
 # A short silence before the telegrams keeps the tests fast.
 NEAR = asi.line(100, slaves=(5, 100)).waveform(node="5 m", before=6.5e-6)
@@ -133,3 +134,14 @@ def test_bad_arguments_are_named(change, message):
     good = {"waves": NEAR, "noise_density": 1e-3, "n_telegrams": 1000}
     with pytest.raises(ArgumentError, match=message):
         rare_error_rates(**good | change)
+
+
+def test_the_last_bits_of_the_rates_do_not_depend_on_the_workers():
+    require("cluster", find_spec("loky") is not None, "loky is missing")
+    wave = asi.line(100, slaves=(5, 100)).waveform(node="5 m")
+    options = {"n_telegrams": 4000, "receiver": RECEIVERS["noise-proof"]}
+    density = Noise().density([0.4])
+    here, there = (
+        rare_error_rates(wave, density, **options, workers=workers) for workers in (1, 2)
+    )
+    assert here.equals(there)

@@ -2,8 +2,13 @@
 
 import hashlib
 import os
+import shutil
 import signal
+import subprocess
+import sys
 import tracemalloc
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from importlib.util import find_spec
 
 import numpy as np
@@ -200,6 +205,121 @@ def test_a_stopped_fleet_continues_where_it_stopped(tmp_path):
         write_fleet(tmp_path, 60, 2)
 
 
+#: A fleet of two blocks, each with five files, that is written in a second.
+SMALL = {"valves": 52, "days": 2, "strokes": 1, "idle_step": 3600.0, "faults_per_year": 50.0}
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """The folder of an undisturbed fleet, and its table."""
+    folder = tmp_path_factory.mktemp("small")
+    return folder, write_fleet(folder, **SMALL)
+
+
+def the_same(folder, small):
+    """Return whether the call, repeated, leaves the files of the undisturbed fleet, and no more."""
+    made = write_fleet(folder, **SMALL)
+    names = [{file.name for file in place.rglob("*")} for place in (folder, small[0])]
+    return made.equals(small[1]) and sums(folder) == sums(small[0]) and names[0] == names[1]
+
+
+@contextmanager
+def at_first_sync(monkeypatch, action):
+    """Call a function once, when the first file is about to be renamed."""
+    actions = [action]
+
+    def sync(number):
+        if actions:
+            actions.pop()()
+
+    monkeypatch.setattr(os, "fsync", sync)
+    yield
+    assert not actions
+    monkeypatch.undo()
+
+
+def test_a_fleet_that_was_killed_is_completed(tmp_path, small):
+    program = f"from shipnet.ballast import write_fleet; write_fleet({str(tmp_path)!r}, **{SMALL})"
+    with subprocess.Popen([sys.executable, "-c", program]) as process:
+        while len(list(tmp_path.rglob("block-*.parquet"))) < 4:
+            assert process.poll() is None
+        process.kill()
+    assert the_same(tmp_path, small)
+
+
+@pytest.mark.parametrize("name", ["samples/day=2026-01-02", "strokes/day=2026-01-01", "faults"])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda file, content: file.unlink(),
+        lambda file, content: file.write_bytes(b""),
+        lambda file, content: file.write_bytes(content[: len(content) // 2]),
+        lambda file, content: file.write_bytes(content[:40] + b"?" + content[41:]),
+        lambda file, content: file.write_bytes(content[:-9] + b"?" + content[-8:]),
+        lambda file, content: file.write_text("valve,time\n1,2\n"),
+    ],
+    ids=["absent", "empty", "truncated", "one byte", "length of the footer", "other"],
+)
+def test_a_damaged_file_is_written_again(tmp_path, small, name, damage):
+    shutil.copytree(small[0], tmp_path, dirs_exist_ok=True)
+    file = tmp_path / name / "block-0001.parquet"
+    damage(file, file.read_bytes())
+    assert the_same(tmp_path, small)
+
+
+@pytest.mark.parametrize(("limit", "file"), [(10, "fleet.json"), (3000, "block-0000.parquet")])
+def test_a_full_disk_is_reported_in_a_sentence_and_loses_nothing(tmp_path, small, limit, file):
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        with pytest.raises(InputError, match=f"{file}: cannot be written: File too large; correct"):
+            write_fleet(tmp_path, **SMALL)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not [place for place in tmp_path.rglob("*") if place.name.startswith(".")]
+    assert the_same(tmp_path, small)
+
+
+def test_what_cannot_be_used_is_named(tmp_path, small):
+    (tmp_path / "samples").touch()
+    with pytest.raises(InputError, match=r"block-0000\.parquet: cannot be .*: Not a directory"):
+        write_fleet(tmp_path, **SMALL)
+    (tmp_path / "samples").unlink()
+    (tmp_path / "faults" / "block-0000.parquet").mkdir(parents=True)
+    with pytest.raises(InputError, match=r"block-0000\.parquet: cannot be read: Is a directory"):
+        write_fleet(tmp_path, **SMALL)
+    (tmp_path / "faults" / "block-0000.parquet").rmdir()
+    for text in ("", "{", "[1]", "7"):
+        (tmp_path / "fleet.json").write_text(text)
+        with pytest.raises(InputError, match=r"fleet\.json: is incomplete; if no other run is"):
+            write_fleet(tmp_path, **SMALL)
+    (tmp_path / "fleet.json").unlink()
+    assert the_same(tmp_path, small)
+
+
+def test_a_second_run_of_the_same_fleet_does_not_disturb_the_first(tmp_path, small, monkeypatch):
+    with at_first_sync(monkeypatch, lambda: write_fleet(tmp_path, **SMALL)):
+        assert write_fleet(tmp_path, **SMALL).equals(small[1])
+    assert the_same(tmp_path, small)
+    with ThreadPoolExecutor(2) as pool:
+        folder = tmp_path / "both"
+        both = list(pool.map(lambda _: write_fleet(folder, **SMALL), range(2)))
+    assert both[0].equals(small[1]) and both[1].equals(small[1]) and the_same(folder, small)
+
+
+def test_of_two_fleets_in_one_folder_the_second_is_refused(tmp_path, small, monkeypatch):
+    def other(why=": its seed is '2024', not '3'"):
+        with pytest.raises(InputError, match=f"is of another fleet{why}; give an empty folder"):
+            write_fleet(tmp_path, **SMALL, seed=3)
+
+    with at_first_sync(monkeypatch, other):
+        write_fleet(tmp_path, **SMALL)
+    assert the_same(tmp_path, small)
+    (tmp_path / "fleet.json").unlink()
+    other("")
+
+
 def test_memory_does_not_grow_with_the_days(tmp_path):
     def most(days):
         tracemalloc.start()
@@ -245,7 +365,9 @@ def test_the_command_writes_a_fleet_and_names_mistakes(tmp_path, capsys, monkeyp
     said = capsys.readouterr().out
     assert said.startswith("2 valves, 1 days, 0 faults, ") and "of synthetic data in" in said
     assert main([*words[:-2], "--out", "/proc/shipnet"]) == 2
-    assert capsys.readouterr().err.startswith("shipnet: /proc/shipnet: cannot be used")
+    assert capsys.readouterr().err.startswith(
+        "shipnet: /proc/shipnet/fleet.json: cannot be written: "
+    )
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     assert main(words) == 2
     assert "python -m pip install pyarrow" in capsys.readouterr().err

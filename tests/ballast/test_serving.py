@@ -143,6 +143,24 @@ def test_a_fault_is_parsed_with_and_without_its_severity():
         serve(2, faults=[Fault("V1", valves=3)])
 
 
+@pytest.mark.parametrize(
+    ("device", "host", "warned"),
+    [
+        ("ballast", "0.0.0.0", True),
+        ("engine", "0.0.0.0", True),
+        ("ballast", "localhost", False),
+    ],
+)
+def test_the_program_warns_that_the_network_can_operate_the_devices(device, host, warned):
+    with running("serve", device, "--port", "0", "--host", host) as program:
+        assert program.stdout.readline().startswith(f"listening on {host}, port ")
+        if warned:
+            warning = "Anybody on the network can now operate the simulated devices.\n"
+            assert program.stdout.readline() == warning
+        program.send_signal(signal.SIGINT)
+        assert program.communicate(timeout=60) == ("stopped\n", "")
+
+
 @pytest.mark.parametrize("options", [[], ["--udp"]])
 def test_the_program_says_where_it_listens_and_stops_upon_an_interrupt(options):
     arguments = ["--port", "0", "--valves", "3", "--fault", "2:S1", "--speed", "100", *options]

@@ -19,6 +19,8 @@ from docs import app
 from tests.support import require
 
 SITE = Path(__file__).resolve().parents[2] / "build" / "site"
+#: How long a page may take on a busy machine [ms]; no test asserts it.
+PATIENCE = 120_000
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = (
     "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-sync "
@@ -42,7 +44,7 @@ def served(folder: Path, root: Path, *options: str) -> Iterator[str]:
         subprocess.Popen(command, env=environment, stdout=out, stderr=out) as server,
     ):
         try:
-            for _ in range(240):
+            for _ in range(480):
                 assert server.poll() is None, log.read_text()
                 try:
                     urllib.request.urlopen(address, timeout=5).close()
@@ -61,8 +63,9 @@ def served(folder: Path, root: Path, *options: str) -> Iterator[str]:
 def browser() -> Iterator[object]:
     program = next(filter(None, map(shutil.which, BROWSERS)), None)
     require("browser", program is not None, "Chromium is not installed")
-    from playwright.sync_api import sync_playwright
+    from playwright.sync_api import expect, sync_playwright
 
+    expect.set_options(timeout=PATIENCE)
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=program, args=ARGUMENTS)
         yield chromium
@@ -111,7 +114,7 @@ def url(site: Path) -> Iterator[str]:
 def page(browser) -> Iterator[object]:
     """Yield a page; afterwards it must have asked nobody else for anything, and met no error."""
     context = browser.new_context(viewport={"width": 1400, "height": 1000})
-    context.set_default_timeout(30_000)
+    context.set_default_timeout(PATIENCE)
     page = context.new_page()
     requests: list[str] = []
     errors: list[str] = []

@@ -50,12 +50,19 @@ def test_two_clients_still_behave_as_in_the_table():
         stored = {row["version"] for row in STORED if row["client"] == name}
         assert stored == {client.version}, f"{name} is {client.version}: run `make clients`"
         jobs += [(client, "rtu", fault) for fault in run.faults("rtu")]
-    # A late answer arrives one second after a time-out and one second before the next.
-    with ThreadPoolExecutor(len(jobs)) as pool:
-        found = list(pool.map(lambda job: run.measure(*job, polls=6, timeout=2.0), jobs))
-    new = {(job[0].name, *job[1:]): run.verdict(one) for job, one in zip(jobs, found, strict=True)}
-    old = {key: row["verdict"] for key, row in zip(KEYS, STORED, strict=True) if key in new}
-    assert new == old
+    expected = {key: row["verdict"] for key, row in zip(KEYS, STORED, strict=True)}
+    # A late response must arrive between two time-outs: half a time-out after the first, and half
+    # a time-out before the second. Where a busy machine may have missed this, the time-out grows.
+    for timeout in (2.0, 6.0, 18.0):
+        with ThreadPoolExecutor(len(jobs)) as pool:
+            found = pool.map(lambda job, t=timeout: run.measure(*job, polls=6, timeout=t), jobs)
+            names = [(client.name, kind, fault) for client, kind, fault in jobs]
+            verdicts = dict(zip(names, map(run.verdict, found), strict=True))
+        different = {key: one for key, one in verdicts.items() if one != expected[key]}
+        jobs = [job for job, name in zip(jobs, names, strict=True) if name in different]
+        if not jobs:
+            break
+    assert not different
 
 
 def test_each_line_is_judged_by_itself():

@@ -2,6 +2,7 @@ import gc
 import socket
 import threading
 from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,6 +13,12 @@ from shipnet.errors import ArgumentError
 from shipnet.modbus.frame import tcp_frame
 from shipnet.modbus.pdu import decode
 from shipnet.tools.valve_client import ValveClient
+
+
+@pytest.fixture(autouse=True)
+def patience(monkeypatch):
+    """On a busy machine, a server may take longer than a second to answer."""
+    monkeypatch.setattr("shipnet.tools.valve_client.Link", partial(Link, timeout=60.0))
 
 
 def send(ask, valve, action):
@@ -117,7 +124,9 @@ def test_a_value_out_of_range_is_named(make, message):
         make()
 
 
-def test_the_explorer_moves_the_valves_of_its_own_server_and_closes_it():
+def test_the_explorer_moves_the_valves_of_its_own_server_and_closes_it(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("shipnet.ballast.live.real_clock", lambda factor: lambda: now[0])
     before = threading.active_count()
     box = ValveClient().explore()
     fields, buttons = box.controls, box.buttons
@@ -128,6 +137,10 @@ def test_the_explorer_moves_the_valves_of_its_own_server_and_closes_it():
     buttons["open"].click()
     assert device.plant.running.tolist() == [False, False, True] + [False] * 13
     assert "last command: valve 3: open" in box.text
+    assert "valve 3: moving" in box.text
+    now[0] = 3.0
+    buttons["read again"].click()
+    assert device.plant.opening[2] == pytest.approx(1 / 3, abs=0.01)
     assert "valve 3: moving" in box.text
     buttons["position"].click()
     assert device.plant.running[2]

@@ -150,7 +150,8 @@ def _points_of(case: _Case) -> Floats:
     n_t, n_bits = case.u.shape[1], case.bits.shape[1]
     columns = case.filtered(np.eye(n_t))
     gain = (columns - columns.mean(axis=1, keepdims=True)).T
-    y = case.u @ gain.T
+    # The last bits of a matrix product depend on its number of threads, those of `einsum` do not.
+    y = np.einsum("ij,kj->ik", case.u, gain)
     got = case.received(y, window=0.0)
     if got.error.any() or (got.bits != case.bits).any():
         raise ArgumentError("telegrams must be received without an error when there is no noise")
@@ -238,7 +239,7 @@ def _draw(
             point = rng.choice(n_points + 1, size, p=[*share, 1 - share.sum()])
             moved = point < n_points
             noise[moved] += shift[point[moved]]
-            power = (noise @ shift.T - how.square[word] / 2) / case.sigma**2
+            power = (np.einsum("ij,kj->ik", noise, shift) - how.square[word] / 2) / case.sigma**2
             each = share * np.exp(np.minimum(power, 600.0))
             # Probability density of this noise as drawn, divided by that of the noise as it occurs.
             ratio = 1 - share.sum() + each.sum(axis=1)
