@@ -654,7 +654,7 @@ class Cells:
         illegible = np.isnan(column) & self.given(name)
         outside = (column < low) | (column > high) | (positive & (column == 0))
         if whole:
-            outside |= column % 1 > 0
+            outside |= np.floor(column) < column
         scale = 10.0 ** (ALIKE[unit][unit] - ALIKE[unit][target])
         least = "above 0, up to " if positive else f"{low / scale:.7g}.."
         kind = "a whole number" if whole else "a number"

@@ -63,6 +63,11 @@ def axes(ax: Axes | None = None, **options: Any) -> Axes:
     return ax
 
 
+def literal(text: object) -> str:
+    """Return text that may come from a file for a figure, where dollar signs mark no formula."""
+    return str(text).replace("$", r"\$")
+
+
 def size(names: int) -> tuple[float, float]:
     """Return the size of a figure with a number of names on its y axis [inch]."""
     import matplotlib as mpl
@@ -102,7 +107,8 @@ def box(
 
     ax.add_patch(Rectangle((x, y), width, height, **look))
     if text:
-        ax.text(x + width / 2, y + height / 2, text, ha="center", va="center", zorder=3)
+        middle = (x + width / 2, y + height / 2)
+        ax.text(*middle, literal(text), ha="center", va="center", zorder=3)
 
 
 def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:

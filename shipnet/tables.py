@@ -26,6 +26,7 @@ from xml.etree import ElementTree
 from zipfile import ZipFile
 
 from shipnet.errors import ArgumentError, InputError, listed, load_extra
+from shipnet.files import LONGEST, read_bytes
 from shipnet.lazy import pd
 
 #: A number; its decimal separator, if any, is a point.
@@ -34,11 +35,15 @@ NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
 #: The values of cells whose formula failed.
 ERRORS = ("#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
 
-#: Largest file that is read, and largest unpacked workbook [bytes].
-_LARGEST, _UNPACKED = 2**24, 2**28
+#: Largest unpacked workbook [bytes].
+_UNPACKED = 2**28
 
-#: Maximum number of cells in a sheet, including gaps.
-_CELLS = 2**22
+#: What any workbook may have, and what it may have more per byte of the file: bytes and XML tags
+#: when it is unpacked, and cells of a sheet. Otherwise a tiny file could have any number of them.
+_BYTES, _TAGS, _GAPS = (2**24, 24), (2**20, 1.5), (2**18, 0.25)
+
+#: Maximum numbers of cells in a sheet, including gaps, of its rows, and of filled columns.
+_CELLS, _ROWS, _COLUMNS = 2**22, 2**20, 1024
 
 #: Characters that a row of empty cells may contain.
 _BLANK = ' ,;\t"\r\n'
@@ -156,20 +161,6 @@ def in_order(faults: Iterable[tuple[int, str]]) -> list[str]:
     return [f"row {number}{fault}" for number, fault in sorted(faults, key=itemgetter(0))]
 
 
-def read_bytes(path: str | PathLike[str]) -> bytes:
-    """Return the content of a file of at most 16 MiB, or raise InputError."""
-    try:
-        with Path(path).open("rb") as stream:
-            data = stream.read(_LARGEST + 1)
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read: {error.strerror or error}") from None
-    except ValueError as error:  # no system accepts this path: it contains a zero byte
-        raise InputError(str(path), f"cannot be read: {error}") from None
-    if len(data) > _LARGEST:
-        raise InputError(str(path), f"is larger than {_LARGEST} bytes; expected a table")
-    return data
-
-
 def text_of(data: bytes) -> str:
     """Return the text of a file in UTF-8, UTF-16, Korean (cp949) or Windows-1252."""
     return _decoded(data)[0]
@@ -227,6 +218,7 @@ def parse_sheet(
         for number, row in enumerate(reader, len(first) + 1):
             cells = list(map(cell_text, row))
             if any(cells):
+                _check_cells(source, number, cells)
                 rows.append((number, cells))
     except csv.Error as error:
         raise InputError(source, f"is not a CSV file: {error}, in row {number + 1}") from None
@@ -249,9 +241,23 @@ def _top(
                 cells = next(csv.reader(lines[place:], delimiter=separator))
             except csv.Error:
                 continue
-            worth = float(is_titles(list(map(cell_text, cells))))
+            worth = float(is_titles(list(map(cell_text, cells[:_COLUMNS]))))
             best = max(best, (worth, place, separator), key=itemgetter(0))
     return best
+
+
+def _check_cells(source: str, number: int, cells: list[str]) -> None:
+    """Remove empty cells at the end of a wide row; raise if one is too far right, or too long."""
+    while len(cells) > _COLUMNS and not cells[-1]:
+        del cells[-1]
+    if len(cells) > _COLUMNS:
+        raise InputError(
+            source, f"row {number} has {len(cells)} cells; at most {_COLUMNS} are read"
+        )
+    for place, cell in enumerate(cells if max(map(len, cells)) > LONGEST else (), 1):
+        if len(cell) > LONGEST:
+            why = f"a cell has {len(cell)} characters; at most {LONGEST} are read"
+            raise InputError(source, f"row {number}, column {place}: {why}")
 
 
 def _trim(titles: Sequence[str]) -> tuple[str, ...]:
@@ -333,7 +339,7 @@ def _best_row(
     for number, cells, _ in book.rows(title):
         if number > _TOP:
             break
-        best = max(best, (float(is_titles(cells)), number), key=itemgetter(0))
+        best = max(best, (float(is_titles(cells[:_COLUMNS])), number), key=itemgetter(0))
     return best
 
 
@@ -347,6 +353,8 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
             cells += [""] * (place + 1 - len(cells))
             if not cells[place]:
                 cells[place], own[place] = "=", "a formula without a saved value"
+        if any(cells):
+            _check_cells(source, number, cells)
         if number == top:
             titles = cells
         elif number < top and any(cells):
@@ -354,13 +362,16 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
         elif any(cells):
             rows.append((number, cells))
             odd |= {(number, place): what for place, what in own.items()}
-    numbers, filled = [number for number, _ in rows], set()
+    numbers, filled, room = [number for number, _ in rows], set(), book.most
     for upper, bottom, left in merged:
         # Copy the content of the merged cell to each of its rows.
         first, end = bisect_left(numbers, upper), bisect_right(numbers, bottom)
         if upper <= top or upper not in numbers[first:end] or len(rows[first][1]) <= left:
             continue
         for number, cells in rows[first + 1 : end]:
+            room -= 1 + max(0, left + 1 - len(cells))
+            if room < 0:
+                raise ValueError(f"its merged areas span more than {book.most} cells")
             cells += [""] * (left + 1 - len(cells))
             cells[left] = rows[first][1][left]
             if cells[left]:
@@ -388,8 +399,9 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
 class _Workbook:
     """An open workbook, read by openpyxl row by row."""
 
-    def __init__(self, archive: ZipFile, book: Any) -> None:
+    def __init__(self, archive: ZipFile, book: Any, size: int) -> None:
         self._archive, self._book = archive, book
+        self.most = min(_CELLS, int(_GAPS[0] + _GAPS[1] * size))
         worksheets = book.worksheets
         if not worksheets:
             raise ValueError("it has no sheet with cells")
@@ -409,10 +421,12 @@ class _Workbook:
         sheet = self._book[title]
         sheet.reset_dimensions()  # the size that a sheet states may be wrong
         total = last = 0
-        for cells in sheet.iter_rows():
+        for count, cells in enumerate(sheet.iter_rows(), 1):
+            if count > _ROWS:  # openpyxl yields an empty row for each that is missing
+                raise ValueError(f"the sheet {title} has a row beyond {_ROWS}")
             total += len(cells)
-            if total > _CELLS:
-                raise ValueError(f"the sheet {title} spans more than {_CELLS} cells")
+            if total > self.most:
+                raise ValueError(f"the sheet {title} spans more than {self.most} cells")
             number = next((cell.row for cell in cells if hasattr(cell, "row")), None)
             if number is None:
                 continue
@@ -480,10 +494,10 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
             import openpyxl
 
             warnings.simplefilter("ignore")  # openpyxl warns about ignored parts, such as pictures
-            _check_parts(archive)
+            _check_parts(archive, len(data))
             book = openpyxl.load_workbook(BytesIO(data), read_only=True, data_only=True)
             try:
-                yield _Workbook(archive, book)
+                yield _Workbook(archive, book, len(data))
             finally:
                 book.close()
     except InputError:
@@ -496,16 +510,20 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
         raise InputError(source, f"is not an Excel workbook: {reason[:200]}") from None
 
 
-def _check_parts(archive: ZipFile) -> None:
-    """Raise if a workbook unpacks to too many bytes, or a part has a DTD or cannot be unpacked."""
-    unpacked = 0
+def _check_parts(archive: ZipFile, size: int) -> None:
+    """Raise if a workbook unpacks to too much, or a part has a DTD or cannot be unpacked."""
+    unpacked = tags = 0
+    most, most_tags = min(_UNPACKED, _BYTES[0] + _BYTES[1] * size), int(_TAGS[0] + _TAGS[1] * size)
     for name in archive.namelist():
         with archive.open(name) as part:
             before = b""
             while chunk := part.read(2**16):
                 unpacked += len(chunk)
-                if unpacked > _UNPACKED:
-                    raise ValueError(f"it unpacks to more than {_UNPACKED} bytes")
+                tags += chunk.count(b"<")
+                if unpacked > most:
+                    raise ValueError(f"it unpacks to more than {most} bytes")
+                if tags > most_tags:
+                    raise ValueError(f"it unpacks to more than {most_tags} XML tags")
                 # No spreadsheet writes a DTD, whose entities could grow without bound.
                 if b"<!DOCTYPE" in (before + chunk).replace(b"\0", b""):
                     raise ValueError(f"the part {name} declares a document type")

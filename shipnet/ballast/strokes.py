@@ -297,6 +297,11 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
     keys = ("values", "channels", "actuator", "condition", "stroke")
     file = path if path is not None else datasets.path("vtnsi_actuator_strokes.npz")
     held = read_arrays(file, keys)
+    for key in ("channels", "actuator", "condition"):
+        try:
+            "".join(map(str, held[key].ravel())).encode().decode()
+        except (ValueError, SystemError):  # NumPy stores any number as a character
+            raise InputError(str(file), f"{key} is not text") from None
     values, channels = held["values"], tuple(map(str, held["channels"].ravel()))
     n = len(values) if values.ndim else 0
     if channels != CHANNELS:

@@ -23,8 +23,9 @@ from shipnet.can.messages import BIT_RATES, Message, MessageSet, bus_load, read_
 from shipnet.can.response import Assignment, Assumptions, ResponseTimes, audsley, response_times
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar
+from shipnet.files import read_bytes
 from shipnet.lazy import Axes, pd
-from shipnet.tables import read_bytes, text_of
+from shipnet.tables import text_of
 
 
 def read_messages(
@@ -104,12 +105,7 @@ def read_messages(
     if period is not None:
         check_scalar("period", period, "s", 1e-6, 1e5)
     file = Path(path)
-    try:
-        is_log = file.suffix.lower() != ".dbc" and log_kind(file) != ""
-    except (OSError, ValueError) as problem:
-        why = getattr(problem, "strerror", None) or problem
-        raise InputError(str(file), f"cannot be read: {why}") from None
-    if is_log:
+    if file.suffix.lower() != ".dbc" and log_kind(file):
         log = read_log(file)
         try:
             return log.messages(period=period)

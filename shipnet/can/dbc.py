@@ -9,8 +9,8 @@ from shipnet.can.messages import Message, MessageSet, set_faults
 from shipnet.errors import ArgumentError, InputError, load_extra
 
 #: Limits of a DBC file, beyond which cantools needs seconds and gigabytes: bytes of a message (1785
-#: in J1939) and of all messages, and multiplexer values of all signals.
-_LARGEST, _LARGEST_SUM, _MOST_VALUES = 1785, 500_000, 65_536
+#: in J1939) and of all messages, multiplexer values of all signals, and powers of ten.
+_LARGEST, _LARGEST_SUM, _MOST_VALUES, _HIGHEST_POWER = 1785, 500_000, 65_536, 308
 
 
 def _refuse_large(text: str, source: str) -> None:
@@ -20,11 +20,13 @@ def _refuse_large(text: str, source: str) -> None:
     bits = [float(n) for pair in re.findall(r":\s*(\d+)\s*\|\s*(\d+)", plain) for n in pair]
     ranges = re.findall(r"(?<!\d)(\d+)\s*-\s*(\d+)", plain)
     values = [float(end) - float(start) for start, end in ranges]
+    powers = [float(n) for n in re.findall(r"(?<![\w.])[\d.]+[eE]\+?(\d+)", plain)]
     for what, value, most in (
         ("the length of a message in bytes", max(lengths, default=0), _LARGEST),
         ("the length of all messages in bytes", sum(lengths), _LARGEST_SUM),
         ("the place of a signal in bits", max(bits, default=0), 8 * _LARGEST),
         ("the number of multiplexer values", sum(values), _MOST_VALUES),
+        ("the power of ten of a number", max(powers, default=0), _HIGHEST_POWER),
     ):
         if not value <= most:
             raise InputError(source, f"{what} is {value:g}; it must be at most {most}")

@@ -18,7 +18,7 @@ from functools import partial
 from math import isnan, nan
 from pathlib import Path
 from struct import unpack_from
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,7 @@ import numpy.typing as npt
 from shipnet.can.dbc import one_line
 from shipnet.can.log import Log, impossible
 from shipnet.errors import InputError, load_extra
+from shipnet.files import LARGEST_RECORD, LONGEST, open_file, read_bytes
 
 _FAULTS = 1000  #: Largest number of faults recorded per file.
 
@@ -176,17 +177,14 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     ([12.5, 12.6], [2, 0], [False, True], [False, True])
     """
     file = Path(path)
-    try:
-        kind = log_kind(file) or "text"
-        if kind == "mdf":
-            raise InputError(
-                str(path),
-                "is an MDF (MF4) file, which cannot be read; convert it to ASC or BLF with asammdf "
-                "or the software of the logger",
-            )
-        records = _read_text(file) if kind == "text" else _read_foreign(kind, file)
-    except OSError as problem:
-        raise InputError(str(path), f"cannot be read: {problem.strerror}") from None
+    kind = log_kind(file) or "text"
+    if kind == "mdf":
+        raise InputError(
+            str(path),
+            "is an MDF (MF4) file, which cannot be read; convert it to ASC or BLF with asammdf "
+            "or the software of the logger",
+        )
+    records = _read_text(file) if kind == "text" else _read_foreign(kind, file)
     log = records.log()
     if log.faults and not keep:
         raise InputError(str(path), *log.faults, more=records.more)
@@ -206,7 +204,7 @@ _SIGNS = {
 
 def log_kind(file: Path) -> str:
     """Return the format of a log from its first lines or its suffix, "" if unknown."""
-    with open(file, "rb") as stream:
+    with open_file(file) as stream:
         head = stream.read(1 << 14)
     if head[:4] == b"LOGG":
         return "blf"
@@ -253,8 +251,11 @@ _DIGITS = re.compile(r"(?:0[xX])?[0-9A-Fa-f]{1,16}")
 def _read_text(file: Path) -> _Records:
     records, days, last = _Records("line"), 0, 0.0
     parse: Callable[[str], _Row] = _candump
-    with open(file, "rb") as stream:
-        for position, line in enumerate(stream, start=1):
+    with open_file(file) as stream:
+        for position, line in enumerate(_lines(stream), start=1):
+            if len(line) > LONGEST:
+                records.fault(position, f"has more than {LONGEST} bytes; expected a frame")
+                continue
             text = line.decode("utf-8-sig" if position == 1 else "utf-8", "replace")
             if _COMMENT.match(text):
                 continue
@@ -273,6 +274,14 @@ def _read_text(file: Path) -> _Records:
                 row = row._replace(time=round(86_400 * days + last, 6))
             records.add(position, row)
     return records
+
+
+def _lines(stream: IO[bytes]) -> Iterator[bytes]:
+    """Yield the lines of a file; a line that is too long ends after one byte more than legal."""
+    while line := stream.readline(LONGEST + 1):
+        yield line
+        while len(line) > LONGEST and line[-1:] != b"\n":
+            line = stream.readline(LONGEST + 1)
 
 
 def _candump(line: str) -> _Row:
@@ -395,6 +404,11 @@ def _shown(text: str) -> str:
 #: A line of an ASC file with a time, a channel and an identifier.
 _ASC_FRAME = re.compile(r"\d+\.\d+\s+\d+\s+[0-9a-fA-F]+x?\s")
 
+#: The data length code and the bytes in a line of an ASC file with a classic CAN frame.
+_ASC_DATA = re.compile(
+    r"\s*\S+\s+\d+\s+\S+\s+[TR]x\s+[dr]\s+([0-9a-f]+)(?!\S)((?:\s+[0-9a-f]+(?!\S))*)", re.I
+)
+
 #: Marks the end of an ASC header; without it, python-can would drop the first frame.
 _ASC_BODY = "no internal events logged"
 
@@ -407,7 +421,7 @@ class _Lines(io.StringIO):
 
     def __init__(self, file: Path, asc: bool, unused: Callable[[int, str], None]) -> None:
         super().__init__()
-        text = file.read_text("utf-8-sig", errors="replace")
+        text = read_bytes(file, LARGEST_RECORD).decode("utf-8-sig", errors="replace")
         self.lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
         self.lines.reverse()
         self.number, self.text, self.unused = 0, "", unused
@@ -423,7 +437,7 @@ class _Lines(io.StringIO):
             self.in_body = True
             return _ASC_BODY
         self.number, self.text = self.lines.pop()
-        return self.text
+        return self.text if len(self.text) <= LONGEST else next(self)
 
 
 def _read_foreign(kind: str, file: Path) -> _Records:
@@ -438,6 +452,8 @@ def _read_foreign(kind: str, file: Path) -> _Records:
         words = set(text.split()[:6])
         if not asc and words & _TRC_ERRORS:
             records.skipped.append((nan, "bus", _ERROR))
+        elif len(text) > LONGEST:
+            records.fault(position, f"has more than {LONGEST} characters; expected a frame")
         elif _ASC_FRAME.match(text) if asc else text[0] != ";" and not words & _TRC_OTHERS:
             records.fault(position, f"{_shown(text)} is not {'an ASC' if asc else 'a TRC'} frame")
 
@@ -447,9 +463,13 @@ def _read_foreign(kind: str, file: Path) -> _Records:
     while more:
         try:
             for message in reader:
-                # For ASC, python-can converts length codes 9..15 to bytes, as in CAN FD.
-                dlc = can.util.len2dlc(message.dlc) if asc else message.dlc
-                records.add(lines.number, _row(message, dlc))
+                row = _row(message, message.dlc)
+                if asc and (match := _ASC_DATA.match(lines.text)):
+                    # python-can limits the code to 15 and the bytes to 8, without a word.
+                    base = 16 if reader.base == "hex" else 10
+                    data = bytes(int(octet, base) for octet in match[2].split())
+                    row = row._replace(dlc=int(match[1], base), data=data)
+                records.add(lines.number, row)
                 lines.text = ""
             more = False
         # A reader may raise any exception, after which a new iterator can continue.
@@ -484,7 +504,7 @@ _RATIO, _LARGEST = 20, 1 << 20
 
 def _read_blf(can: Any, file: Path) -> _Records:
     """Read a BLF file; refuse what python-can would read forever or leave out without a word."""
-    records, data = _Records("frame"), file.read_bytes()
+    records, data = _Records("frame"), read_bytes(file, LARGEST_RECORD)
     size, left, inner = int.from_bytes(data[16:24], "little"), _RATIO * len(data) + _LARGEST, []
     if size > len(data):
         raise InputError(str(file), f"it has only {len(data)} of {size} bytes; it is cut off")
@@ -497,7 +517,7 @@ def _read_blf(can: Any, file: Path) -> _Records:
     frames += sum(kind in _FRAMES for kind, _ in _objects(file, b"".join(inner), 0))
     count = 0
     try:
-        with open(file, "rb") as stream:
+        with io.BytesIO(data) as stream:
             for count, message in enumerate(can.BLFReader(stream), 1):
                 # In some objects, python-can converts length codes 9..15 to bytes, as in CAN FD.
                 code = can.util.len2dlc(message.dlc) if 15 < message.dlc <= 64 else message.dlc

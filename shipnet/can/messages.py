@@ -550,7 +550,7 @@ def _from_sheet(sheet: Sheet, assigned: Mapping[str, str], period: float | None)
             whole, target = isinstance(kind, Whole), "s" if field in TIMES else ""
             values = cells.numbers(column, kind.low, kind.high, target, whole=whole).tolist()
             convert = int if whole else float
-            columns[field] = [None if isnan(value) else convert(value) for value in values]
+            columns[field] = [convert(value) if np.isfinite(value) else None for value in values]
         else:
             columns[field] = cells.values(column, _printable, "printable text")
     messages: list[tuple[int, Message]] = []

@@ -376,7 +376,7 @@ class ResponseTimes(Named[ResponseTime]):
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter("{x:g}")
         ax.set(xlim=(left, right), ylim=(len(table) - 0.4, -0.6), xlabel="time [ms]")
-        ax.set_yticks(y, [str(name) for name in table.index])
+        ax.set_yticks(y, [*map(style.literal, table.index)])
         ax.grid(visible=False, axis="y")
         return ax
 

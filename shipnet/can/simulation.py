@@ -195,7 +195,7 @@ class Run:
             bars(failed, "free_ms", style.LIMIT["color"], "error")
         ax.plot([], [], color="0.45", lw=1, label="waiting")
         ax.set(xlabel="time [ms]", xlim=(low, high), ylim=(len(lane) - 0.4, -0.6))
-        ax.set_yticks(range(len(lane)), list(lane))
+        ax.set_yticks(range(len(lane)), [*map(style.literal, lane)])
         ax.grid(axis="y", visible=False)
         style.legend(ax)
         return ax

@@ -155,7 +155,7 @@ class Design(Layout):
         ax.plot(boxes["x_m"], boxes["y_m"], "s", color="0.25", markersize=4, label="box or module")
         ax.plot(points["x_m"], points["y_m"], ".", color="0.5", markersize=3, label="point")
         ax.plot(*at.loc[self.cabinet], "D", color="C3", label="cabinet")
-        ax.set(xlabel="x [m]", ylabel="y [m]", title=self.name)
+        ax.set(xlabel="x [m]", ylabel="y [m]", title=style.literal(self.name))
         ax.margins(0.05)
         ax.autoscale_view()
         ax.legend(loc="upper left", bbox_to_anchor=(1, 1))

@@ -30,7 +30,7 @@ def _box(ax: Axes, x: float, y: float, width: float, height: float, text: str, c
     patch = FancyBboxPatch((x, y - height / 2), width, height, facecolor=colour, edgecolor="0.3")
     patch.set_boxstyle("round,pad=0.02,rounding_size=0.06")
     ax.add_patch(patch)
-    ax.text(x + width / 2, y, text, ha="center", va="center")
+    ax.text(x + width / 2, y, style.literal(text), ha="center", va="center")
 
 
 def plot_points(points: pd.DataFrame, option: str, *, ax: Axes | None = None) -> Axes:
@@ -75,7 +75,7 @@ def _plot_hardwired(
             s = "s" if conductors > 1 else ""
             words = f"{str(point.tag).removeprefix(f'{device}-')}  {conductors} conductor{s}"
             white = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-            ax.text(7.7, y, words, ha="right", va="center", color="0.25", bbox=white)
+            ax.text(7.7, y, style.literal(words), ha="right", va="center", color="0.25", bbox=white)
     shared = [kind for kind in counts if SIGNALS[kind].common]
     for number, kind in enumerate(shared):
         y = -height + 0.45 - 0.12 * number
@@ -121,9 +121,9 @@ def plot_ranges(
     if likely is not None:
         low, high = likely.loc[ends.index, "low"], likely.loc[ends.index, "high"]
         ax.hlines(rows, low, high, color="C0", linewidth=6, alpha=0.8, label="9 of 10 draws")
-    ax.set_yticks(rows, list(ends.index))
+    ax.set_yticks(rows, [*map(style.literal, ends.index)])
     ax.invert_yaxis()
-    ax.set(xlabel=words, xlim=(0, None))
+    ax.set(xlabel=style.literal(words), xlim=(0, None))
     ax.grid(visible=False, axis="y")
     style.legend(ax)
     return ax
@@ -142,7 +142,7 @@ def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None
         # Each label is on the side with more room, and below its dot if another label is above.
         ha, right = ("right", -6) if left else ("left", 6)
         va, up = ("top", -5) if below else ("bottom", 5)
-        ax.annotate(names, xy, (right, up), textcoords="offset points", ha=ha, va=va)
+        ax.annotate(style.literal(names), xy, (right, up), textcoords="offset points", ha=ha, va=va)
     ax.set(xlabel=x, ylabel=y)
     ax.margins(0.15)
     return ax

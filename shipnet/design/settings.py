@@ -35,10 +35,11 @@ from shipnet.fields import (
     switch,
     whole,
 )
+from shipnet.files import read_bytes
 from shipnet.lazy import pd
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.uart import CHARACTERS
-from shipnet.tables import read_bytes, save_suffix, text_of
+from shipnet.tables import save_suffix, text_of
 
 # Kinds of values that only designs have ------------------------------------------------------
 

@@ -65,12 +65,12 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
             facecolor=looks[t][0],
             hatch=looks[t][1],
             edgecolor="white",
-            label=_LABELS.get(t, t) if t in _TASKS else f"frame of {t}",
+            label=_LABELS.get(t, t) if t in _TASKS else f"frame of {style.literal(t)}",
         )
         for t in used
     ]
     style.legend(ax, handles=handles)
-    ax.set_yticks(range(len(names)), names)
+    ax.set_yticks(range(len(names)), [*map(style.literal, names)])
     ax.set_ylim(len(names) - 0.4, -0.6)
     ax.set_xlim(table["start_ms"].min(), table["end_ms"].max())
     ax.set_xlabel("time [ms]")
@@ -155,7 +155,7 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
 @lru_cache(maxsize=4096)
 def _outline(text: str) -> Path:
     """Return the outline of `text` [1/72 inch], centred on the origin: vertically, its capitals."""
-    path = TextPath((0, 0), text, size=_SIZE)
+    path = TextPath((0, 0), style.literal(text), size=_SIZE)
     ends = path.vertices[:, 0]
     middle = (ends.min() + ends.max()) / 2
     return Affine2D().translate(-middle, -0.36 * _SIZE).transform_path(path)

@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from shipnet.arrays import Floats, parts_of
 from shipnet.errors import ArgumentError, InputError
+from shipnet.files import LARGEST_RECORD, LONGEST, open_file
 from shipnet.lazy import pd
 
 #: Lowest sampling rate that resolves pulses of 3 us [1/s].
@@ -199,17 +200,8 @@ def read_arrays(path: str | PathLike[str], keys: Iterable[str]) -> dict[str, npt
 def _opened(path: str | PathLike[str]) -> Iterator[tuple[str, IO[bytes]]]:
     """Open a file and yield its name and content; convert errors of parsers to an InputError."""
     file = str(path)
-    try:
-        # Reading a pipe or a device might never end.
-        if Path(file).exists() and not Path(file).is_file():
-            raise InputError(file, "not a file")
-        stream = open(file, "rb")  # noqa: SIM115  # closed below
-    except InputError:
-        raise
-    except (OSError, ValueError) as fault:
-        why = getattr(fault, "strerror", None) or fault
-        raise InputError(file, f"cannot be read: {why}") from None
-    with stream:
+    mapped = Path(file).suffix.lower() == ".npy"
+    with open_file(path, None if mapped else LARGEST_RECORD) as stream:
         if not _size(stream):
             raise InputError(file, "the file is empty")
         try:
@@ -596,6 +588,9 @@ def _crossings(u: Floats) -> tuple[int, Floats]:
 def _read_text(file: str, stream: IO[bytes]) -> _Channels:
     """Read a scope's text file."""
     text = _decoded(file, stream.read())
+    lines = io.StringIO(text)
+    if long := next((n for n, line in enumerate(lines, 1) if len(line) > LONGEST + 1), 0):
+        raise InputError(file, f"row {long} has more than {LONGEST} characters; expected a table")
     tail = [line for line in text[-64_000:].split("\n") if line.strip(" ,;\t")][-_TAIL:]
     if not tail:
         raise InputError(file, "the file is empty")

@@ -2,7 +2,8 @@
 
     python tests/fuzz/run.py [--seconds 600] [targets ...]
 
-Each target first gets good inputs grown to 1 MB. Then Atheris guides the bytes by the code that
+Each target first gets good inputs grown to 0.25 and 1 MB; the report shows the largest exponent of
+time against length. Then Atheris guides the bytes by the code that
 they reach. A target fails if it raises what is not a refusal, takes more than 5 s of processor
 time, or more than 1 GB beyond what it starts with. The bytes that did it are kept in build/fuzz/,
 and `python tests/fuzz/run.py --try FILE TARGET` runs them again.
@@ -11,6 +12,7 @@ and `python tests/fuzz/run.py --try FILE TARGET` runs them again.
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import re
 import resource
@@ -34,10 +36,12 @@ class Result(NamedTuple):
 
     name: str
     inputs: int
+    exponent: str
     failure: str
 
     def __str__(self) -> str:
-        return f"{self.inputs:10,d}  {self.name:24} {self.failure or 'no failure'}"
+        growth = f"time ~ n^{self.exponent:4}"
+        return f"{self.inputs:10,d}  {self.name:24} {growth} {self.failure or 'no failure'}"
 
 
 def fuzz(name: str) -> None:
@@ -71,14 +75,14 @@ def check_time(size: int, begin: float) -> None:
         raise TimeoutError(f"an input of {size} bytes took {took:.1f} s")
 
 
-def grow(seed: bytes) -> Iterator[bytes]:
+def grow(seed: bytes, size: int) -> Iterator[bytes]:
     """Yield a good input again and again, and its halves and its last line."""
     middle = len(seed) // 2
     last = seed.rstrip().rfind(b"\n") + 1
     for head, rest in ((b"", seed), (seed[:middle], seed[middle:]), (seed[:last], seed[last:])):
         if rest:
-            yield head + rest * (LARGE // len(rest))
-    yield seed[:middle] + seed[:middle][-1:] * LARGE + seed[middle:]
+            yield head + rest * (size // len(rest))
+    yield seed[:middle] + seed[:middle][-1:] * size + seed[middle:]
 
 
 def try_large(name: str) -> None:
@@ -86,8 +90,11 @@ def try_large(name: str) -> None:
     from targets import REFUSALS, TARGETS
 
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    exponents, took = [0.0], 0.0
     for seed in TARGETS[name].seeds():
-        for data in grow(seed):
+        # Each input in both lengths, one after the other.
+        both = zip(grow(seed, LARGE // 4), grow(seed, LARGE), strict=True)
+        for data in (one for pair in both for one in pair):
             (FOLDER / f"{_slug(name)}-large").write_bytes(data)
             begin = time.process_time()
             try:
@@ -95,9 +102,13 @@ def try_large(name: str) -> None:
             except REFUSALS:
                 pass
             check_time(len(data), begin)
+            before_it, took = took, time.process_time() - begin
+            if len(data) >= LARGE // 2 and took > 0.05 and before_it > 0:
+                exponents.append(math.log(took / before_it, 4))
             more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024
             if more > 1000:
                 raise MemoryError(f"an input of {len(data)} bytes took {more} MB")
+    print(f"exponent {max(exponents):.1f}")
 
 
 def _slug(name: str) -> str:
@@ -110,6 +121,7 @@ def spawn(name: str, seconds: int) -> Result:
         f"-max_total_time={seconds} -timeout={HANGS} -rss_limit_mb={MEGABYTES}"
         f" -max_len={LONGEST} -print_final_stats=1 -artifact_prefix={FOLDER}/{_slug(name)}-"
     )
+    exponent = ""
     for what in ("--large", "--target"):
         done = subprocess.run(
             [sys.executable, __file__, what, name],
@@ -119,6 +131,8 @@ def spawn(name: str, seconds: int) -> Result:
             text=True,
             errors="replace",
         )
+        if match := re.search(r"^exponent (.*)", done.stdout, re.M):
+            exponent = match[1]
         if done.returncode:
             break
     said = done.stderr + done.stdout
@@ -127,7 +141,7 @@ def spawn(name: str, seconds: int) -> Result:
     if done.returncode:
         wanted = re.findall(r"^[\w.]*(?:Error|Exception)\b.*|^.*ERROR: .*", said, re.M)
         failure = "; ".join(line.strip()[:200] for line in wanted[:2]) or said[-300:]
-    return Result(name, int(count[1]) if count else 0, failure)
+    return Result(name, int(count[1]) if count else 0, exponent or "?", failure)
 
 
 def main() -> int:

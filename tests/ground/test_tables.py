@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from shipnet import datasets
 from shipnet.design.iolist import IoList, read_iolist
 from shipnet.errors import InputError
-from shipnet.tables import parse_sheet, read_bytes, read_sheet
+from shipnet.files import read_bytes
+from shipnet.tables import parse_sheet, read_sheet
 
 LIST = [
     ["Tag No.", "I/O", "Signal type", "X [m]", "Y [m]", "Z [m]", "Update [s]"],

@@ -159,6 +159,39 @@ def test_two_cells_far_apart_cost_little_memory(monkeypatch):
         read(packed(parts("".join([*four, far(5, "A")]))))
 
 
+def test_a_small_workbook_with_a_huge_number_of_rows_cells_or_tags_is_refused():
+    for sheet, why in (
+        ("<row r='9999999999'><c><v>1</v></c></row>", "has a row beyond 1048576"),
+        ("<row>" + "<c/>" * 500 + "</row>" + "<row><c/></row>", None),
+        (("<row>" + "<c/>" * 500 + "</row>") * 600, "spans more than 26"),
+        ("<x/>" * 1_100_000, r"unpacks to more than 10\d{5} XML tags"),
+        ("<row><c t='str'><v>" + " " * 2**25 + "</v></c></row>", r"more than 1\d{7} bytes"),
+    ):
+        data = packed(parts(sheet))
+        assert len(data) < 100_000
+        if why is None:
+            assert read(data)
+            continue
+        with pytest.raises(InputError, match=why):
+            read(data)
+
+
+def test_merged_areas_count_as_cells(tmp_path):
+    row = "<row>" + "<c t='str'><v>{}</v></c>" * 3 + "</row>"
+    content = parts(row.format(*"abc") + row.format(1, 2, 3) + "<row><c><v>1</v></c></row>" * 999)
+    name = "xl/worksheets/sheet1.xml"
+    for count, areas in ((250, 250), (300, 0)):
+        merged = "<mergeCells>" + "<mergeCell ref='C2:C1001'/>" * count + "</mergeCells>"
+        sheet = content[name].replace("</worksheet>", merged + "</worksheet>")
+        path = tmp_path / f"{count}.xlsx"
+        path.write_bytes(packed(content | {name: sheet}))
+        if areas:
+            assert {cells[2] for _, cells in tables.read_sheet(path).rows[:-1]} == {"3"}
+            continue
+        with pytest.raises(InputError, match="its merged areas span more than 26"):
+            tables.read_sheet(path)
+
+
 def test_a_part_that_declares_entities_is_refused():
     grow = "<!DOCTYPE w [<!ENTITY a 'aaaaaaaaaa'><!ENTITY b '&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;'>]>"
     leak = "<!DOCTYPE w [<!ENTITY a SYSTEM 'file:///etc/hostname'>]>"
