@@ -173,7 +173,7 @@ def test_cells_too_long_or_too_far_to_the_right_are_refused(suffix, tmp_path):
     rows[1][-2:] = ["", ""]
     with pytest.raises(InputError) as refused:  # empty cells are no fault
         asi.read_plan(save(rows))
-    assert "cells" not in str(refused.value)
+    assert "has no row of kind cable" in str(refused.value)
 
 
 def long(save):

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from functools import cached_property
-from math import isnan
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, TypeVar, overload

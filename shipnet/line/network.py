@@ -412,8 +412,9 @@ class Network:
         for name, spot, filled in zip(self.nodes, placed.spot, loaded, strict=True):
             face = "C0" if filled else "white"
             ax.plot(*spot, "o", color="C0", markerfacecolor=face, markersize=5)
-            above = {"textcoords": "offset points", "ha": "center"}
-            ax.annotate(style.literal(name), tuple(spot), (0, 6), **above)
+            ax.annotate(
+                style.literal(name), tuple(spot), (0, 6), textcoords="offset points", ha="center"
+            )
         ax.spines["left"].set_visible(False)
         ax.margins(x=0.1)
         ax.set(xlabel="distance along the cable [m]", yticks=[], ylim=(placed.lowest - 0.6, 0.8))
