@@ -38,7 +38,7 @@ def operating_point(actuator, direction=1):
     """Return the operating point in closed form.
 
     The paper prints FP 90, OP 2, MC 1.2, OT 50 and 0 to 10 s for a healthy valve (claims
-    kim2014-071 and -072). Ours are close, because we chose the actuator to match. Agreement of all
+    kim2014-026 and -072). Ours are close, because we chose the actuator to match. Agreement of all
     shows that the paper's values are consistent with one machine, not that it was this one.
     """
     state = hydraulics(actuator, load_pressure(actuator, 0.5, direction))

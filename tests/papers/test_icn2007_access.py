@@ -45,11 +45,16 @@ def test_the_place_of_the_supply_is_a_condition_too():
         least[supply] = table.query("rule == 'slave_voltage'")["value"].min()
     assert round(least[0], 1) == 20.2
     assert least[0] < 26.5 < least[90]
-    assert REGISTRY["icn2007-056"](supply=90.0)
+    assert icn2007.star_behind_trunk(supply=0.0) < 0 < icn2007.star_behind_trunk(supply=90.0)
 
 
 def test_a_quarter_wave_in_the_signal_distorts_it_as_much_as_noise():
-    assert icn2007.signal_suits_cable() > 0 > icn2007.signal_suits_cable(length=200.0)
+    signal, noise = icn2007.open_end_distortion()
+    assert (round(signal, 2), round(noise, 2)) == (0.23, 0.47)
+    signal, noise = icn2007.open_end_distortion(speed=2.0)
+    assert round(signal, 2) == 0.57 > noise
+    signal, noise = icn2007.open_end_distortion(length=200.0)
+    assert signal > noise
 
 
 def test_the_distance_is_that_of_the_first_pattern_that_passes():

@@ -48,6 +48,7 @@ __all__ = [
     "bus_efficiencies",
     "consumer_drop",
     "modulation_table",
+    "open_end_distortion",
 ]
 __all__ += ["pulse_height", "rate_table", "share_above"]
 
@@ -321,18 +322,16 @@ def pulse_height(
     return float(np.abs(u[..., (t > 0.4 * end) & (t < 0.8 * end)]).max())
 
 
-@check("icn2007-033", counter={"speed": 2.0})
-def signal_suits_cable(*, speed: float = 1.0, length: float = 100.0) -> float:
-    """Margin by which an open end distorts a request less than half as much as noise.
+def open_end_distortion(*, speed: float = 1.0, length: float = 100.0) -> tuple[float, float]:
+    """Return how unevenly an open end changes the spectra of a request and of white noise.
 
-    The request is sent at `speed` times the bit rate of AS-i; the noise is white, up to 3 MHz.
+    The request is sent at `speed` times the bit rate of AS-i; the noise goes up to 3 MHz.
     """
     frequencies = FREQUENCIES[FREQUENCIES < 3e6]
     s = 2j * np.pi * frequencies
     bits = Request.data_exchange(21, 0xE).bits
     energy = np.abs(s * Modulation(bits).transform(s / speed)) ** 2
-    signal, noise = (bent_by_the_end(length, s, w) for w in (energy, np.ones_like(energy)))
-    return noise / 2 / signal - 1
+    return bent_by_the_end(length, s, energy), bent_by_the_end(length, s, np.ones_like(energy))
 
 
 def bent_by_the_end(
@@ -418,9 +417,9 @@ def trunk_and_star(leg: float = 10 / SLAVES, supply: float = 90.0) -> Plan:
     return star(90, [leg] * SLAVES, supply=supply)
 
 
-@check("icn2007-003", supply=90.0, counter={"leg": 2.0})
-@check("icn2007-056", supply=0.0, counter={"supply": 90.0})
-def star_behind_trunk(*, supply: float, leg: float = 10 / SLAVES) -> float:
+@check("icn2007-003", counter={"leg": 2.0})
+@check("icn2007-056", counter={"supply": 0.0})
+def star_behind_trunk(*, supply: float = 90.0, leg: float = 10 / SLAVES) -> float:
     """Smallest margin of 90 m of cable, fed at `supply` [m], and a star of legs of this length."""
     return margin_of(trunk_and_star(leg, supply))
 

@@ -101,16 +101,6 @@ def is_diagnosed_while_moving(*, code: str = "V1") -> bool:
     return bool(plant.running[0]) and monitor.row(0) == BASE.codes.index(code) + 1
 
 
-@check("kim2014-071", counter={"fault": "V1"})
-def stroke_has_normal_values(*, fault: str = "") -> bool:
-    """Whether our valve reads FP, OP, MC and OT within 5 % of row 0 while it moves."""
-    plant = Plant(1, [Fault(fault)] if fault else [])
-    plant.order(Command("open"))
-    plant.run_until(3.0)
-    normal = rule_vectors("printed").loc[NORMAL, ["FP", "OP", "MC", "OT"]].to_numpy(float)
-    return bool(np.allclose(plant.readings[:4, 0], normal, rtol=0.05))
-
-
 @check("kim2014-112", counter={"limit": 2.6})
 def neither_fires_at(*, limit: float = 2.5) -> bool:
     """Whether P1 and P2 leave out this current [A], and no current 0.01 A above or below it."""

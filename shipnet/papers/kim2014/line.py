@@ -30,7 +30,6 @@ from shipnet.modbus.pdu import Adu, FunctionCode, Request, Response
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.slave import answer
 from shipnet.modbus.uart import SerialLine
-from shipnet.modbus.udp import LossyPath, compare
 from shipnet.papers.kim2014.registers import answer_table
 from shipnet.papers.registry import check, is_legal, numeric
 
@@ -59,12 +58,6 @@ def slaves_of_a_master(*, bits: int = 8) -> int:
     """Number of slaves that one master can address with an id of this many bits."""
     read = Request.read_input_registers(0, 1).pdu
     return sum(is_legal(rtu_frame, unit, read) for unit in range(1, 2**bits))
-
-
-@numeric("kim2014-047")
-def too_many_valves(*, bits: int = 8) -> int:
-    """Smallest number of valves that one master cannot address."""
-    return slaves_of_a_master(bits=bits) + 1
 
 
 @numeric("kim2014-003")
@@ -240,14 +233,6 @@ def pc_and_master_send_the_same(*, unit: int = 3) -> bool:
 
 
 # Sections 2.2 and 3.5, Figs 5 and 6: the header on Ethernet, and lost or late datagrams.
-
-
-@check("kim2014-056", counter={"late": 0.02})
-def identifier_zero_is_enough(*, late: float = 0.0) -> bool:
-    """Whether responses match their queries if identifiers are 0 and this fraction arrives late."""
-    units = np.tile(np.arange(1, 6), 200)
-    path = LossyPath(late=late, lateness=0.6)
-    return bool(compare(units, path, rng=2024).loc["nothing", "mismatched"] == 0)
 
 
 @check("kim2014-057", counter={"widths": (2, 2, 1, 2)})

@@ -88,6 +88,14 @@ def table(item: str) -> pd.DataFrame:
     return pd.DataFrame(rows).T.fillna("").rename_axis(columns="byte")
 
 
+@check("kim2014-056", counter={"transaction": 1})
+def messages_begin_with(*, transaction: int = 0) -> bool:
+    """Whether every printed message begins as our encoder begins one with this transaction id."""
+    header = READ_STATUS.tcp(1, transaction)[:4]
+    first = pd.concat(rows.groupby("message")["value_printed"].first() for rows in _TABLES.values())
+    return all(bytes(map(int, text.split("."))) == header for text in first)
+
+
 # Section 2.1, the first Table 1, Tables 2 and 3: fields, codes and lengths of the messages.
 
 _READ, _WRITE = FunctionCode.READ_INPUT_REGISTERS, FunctionCode.WRITE_SINGLE_REGISTER

@@ -95,14 +95,6 @@ def a_new_slave_disturbs_nobody(*, label: str = "6") -> bool:
     return bool(joined and len(longest) == 5 and longest.max() < float(Cycle(6).time) * 1.01)
 
 
-@numeric("kim2023-114")
-def sensor_kinds(
-    *, kinds: tuple[str, ...] = tuple(datasets.read("kim2023_table1_sensors.csv")["Category"])
-) -> int:
-    """Number of kinds of sensor in Table 1."""
-    return len(kinds)
-
-
 @check("kim2023-116", counter={"current": 0.2})
 def all_slaves_work_at_300_m(*, current: float | None = None) -> float:
     """Smallest margin of the signal and voltage rules if each of 62 slaves at 300 m draws this."""
