@@ -80,6 +80,7 @@ def _results(
     package: Path, words: list[str], before: dict[str, str] | None
 ) -> dict[str, str] | str:
     sys.path.insert(0, str(package))
+    sys.dont_write_bytecode = True  # a file of bytecode would hide a change within the same second
     os.chdir(package)
     try:
         registry = import_module("shipnet.papers.registry")
@@ -372,7 +373,7 @@ def draw(number: int, seed: int) -> int:
                 if seen:
                     break
                 if test and not fails:
-                    command = [sys.executable, "-m", "pytest", "-qx", "--doctest-modules", test]
+                    command = [sys.executable, "-Bm", "pytest", "-qx", "--doctest-modules", test]
                     run = subprocess.run(command, cwd=package, capture_output=True, check=False)
                     fails = run.returncode == 1
             test = test if fails else ""
