@@ -93,3 +93,8 @@ def test_a_simulation_has_no_response_time_for_an_unknown_value():
     slaves = [Slave("1"), Slave("2A", "S-7.A.9")]
     found = simulate(slaves, cycles=20).table()
     assert np.isnan(found.loc["2A", "longest_s"]) and found.loc["1", "longest_s"] > 0
+
+
+def test_a_module_transfers_one_value_unless_it_names_more():
+    assert Slave("1", "S-7.3") == Slave("1", "S-7.3", channels=1)
+    assert Slave("1", "S-7.3") != Slave("1", "S-7.3", channels=2)

@@ -86,6 +86,12 @@ def test_a_protocol_without_a_standard_violates_two_rules():
     assert verdicts(replace(GOOD, retries_known=False))["retransmission"] == "not verified"
 
 
+def test_a_box_as_printed_fails_with_its_supply_and_with_its_processor():
+    failures = Redundancy(POINTS).table()
+    assert sorted(failures["dead"].str.split().str[0].value_counts()) == [3, 3]
+    assert (failures["boxes_lost"] != "").all()
+
+
 def test_two_separate_links_of_three_meet_the_rule():
     links = {"1": ("JB1",), "2": ("JB1", "JB3"), "3": ("JB3",)}
     routes = dict.fromkeys(links, ("a",))

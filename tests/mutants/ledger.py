@@ -17,70 +17,29 @@ from __future__ import annotations
 import argparse
 import ast
 import csv
-import json
+import dis
+import inspect
 import os
 import random
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Callable, Iterator
+from functools import cache, partial
+from importlib import import_module
+from multiprocessing import get_context
 from pathlib import Path
-from typing import NamedTuple
+from types import CodeType, FrameType
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
 
 #: Packages that model something, and modules that do.
 MODELS = ("asi", "ballast", "can", "design", "engine", "fuzzy", "line", "modbus", "remote_control")
 
-#: What the claims with these ids or of these papers come to, as JSON; an error is a result too.
-PROGRAM = """
-import json, sys
-from shipnet.papers.registry import REGISTRY, load
-load({word.partition("-")[0] for word in sys.argv[1:]})
-results = {}
-for claim in sorted(REGISTRY):
-    if {claim, claim.partition("-")[0]} & set(sys.argv[1:]):
-        try:
-            results[claim] = repr(REGISTRY[claim]())
-        except Exception as error:
-            results[claim] = repr(error)
-print(json.dumps(results))
-"""
-
-#: What claims reach, as JSON: for each function, its file, the names that it loads and the claims
-#: that call it; for each field that an object leaves at its default, class, field and claims.
-REACH = """
-import dataclasses, json, sys
-from shipnet.papers.registry import REGISTRY, load
-load()
-calls, fields = {}, {}
-def watch(frame, event, _):
-    code = frame.f_code
-    if event != "call":
-        return
-    if "/shipnet/" in code.co_filename:
-        calls.setdefault(code, set()).add(claim)
-    elif code.co_name == "__init__" and code.co_filename == "<string>":
-        made = type(frame.f_locals["self"])
-        for field in dataclasses.fields(made) if dataclasses.is_dataclass(made) else ():
-            if frame.f_locals.get(field.name) is field.default:
-                key = made.__module__, made.__name__, field.name
-                fields.setdefault(key, set()).add(claim)
-for claim in sorted(REGISTRY):
-    sys.setprofile(watch)
-    try:
-        REGISTRY[claim]()
-    except Exception:
-        pass
-    sys.setprofile(None)
-print(json.dumps([
-    [[code.co_filename.rpartition("/shipnet/")[2], code.co_names, sorted(claims)]
-     for code, claims in calls.items()],
-    [[*key, sorted(claims)] for key, claims in fields.items()],
-]))
-"""
+#: Libraries that the package imports; loaded once, before a process is forked for each constant.
+LIBRARIES = ("numpy", "pandas", "scipy.optimize", "scipy.stats", "numba", "skfuzzy", "matplotlib")
 
 
 class Constant(NamedTuple):
@@ -103,12 +62,40 @@ def constants() -> list[Constant]:
         return [Constant(*row) for row in list(csv.reader(file))[1:]]
 
 
-def results(package: Path, papers: list[str]) -> dict[str, str]:
-    """Return what the claims of some papers come to, by the package in this folder."""
-    command = [sys.executable, "-c", PROGRAM, *papers]
-    environment = os.environ | {"PYTHONPATH": str(package)}
-    printed = subprocess.check_output(command, text=True, cwd=package, env=environment)
-    claims: dict[str, str] = json.loads(printed)
+def results(
+    package: Path, words: list[str], before: dict[str, str] | None = None
+) -> dict[str, str] | str:
+    """Return what claims come to in a process of its own, or why the package cannot be imported.
+
+    The words are papers or ids of claims. An error is a result too. With earlier results, the last
+    claim is the first that comes to something else.
+    """
+    for library in LIBRARIES:
+        import_module(library)
+    with get_context("fork").Pool(1) as pool:
+        return pool.apply(_results, (package, words, before))
+
+
+def _results(
+    package: Path, words: list[str], before: dict[str, str] | None
+) -> dict[str, str] | str:
+    sys.path.insert(0, str(package))
+    sys.dont_write_bytecode = True  # a file of bytecode would hide a change within the same second
+    os.chdir(package)
+    try:
+        registry = import_module("shipnet.papers.registry")
+        registry.load({word.partition("-")[0] for word in words})
+    except Exception as error:
+        return f"the package cannot be imported: {error!r}"
+    claims: dict[str, str] = {}
+    for claim in sorted(registry.REGISTRY):
+        if {claim, claim.partition("-")[0]} & set(words):
+            try:
+                claims[claim] = repr(registry.REGISTRY[claim]())
+            except Exception as error:
+                claims[claim] = repr(error)
+            if before and claims[claim] != before[claim]:
+                break
     return claims
 
 
@@ -124,11 +111,23 @@ def moved(chosen: list[Constant]) -> Iterator[tuple[Constant, str, list[str]]]:
             file = package / "shipnet" / constant.file
             text = file.read_text(encoding="utf-8")
             file.write_text(text.replace(constant.before, constant.after), encoding="utf-8")
-            found = results(package, constant.papers.split())
+            changed = results(package, constant.papers.split())
             file.write_text(text, encoding="utf-8")
             for paper in constant.papers.split():
-                own = [claim for claim in found if claim.startswith(paper)]
-                yield constant, paper, [one for one in own if found[one] != original[one]]
+                yield constant, paper, _different(paper, original, changed)
+
+
+def _different(
+    paper: str, original: dict[str, str] | str, changed: dict[str, str] | str
+) -> list[str]:
+    """Return the claims of a paper that come to something else; none if the import fails."""
+    if isinstance(original, str) or isinstance(changed, str):
+        raise RuntimeError(original if isinstance(original, str) else changed)
+    return [
+        claim
+        for claim, result in changed.items()
+        if claim.startswith(paper) and result != original[claim]
+    ]
 
 
 class Literal(NamedTuple):
@@ -140,6 +139,11 @@ class Literal(NamedTuple):
     line: int
     start: int
     end: int
+
+    @property
+    def module(self) -> str:
+        """The module that defines it."""
+        return "shipnet." + self.file.removesuffix(".py").replace("/", ".")
 
     def changed(self, text: str, factor: float) -> str:
         """Return the source with a multiple of the number, or 1 for 0."""
@@ -190,37 +194,141 @@ def _is_number(node: object) -> bool:
 
 
 def reached() -> dict[Literal, list[str]]:
-    """Return the constants that a call of a claim reaches, each with these claims."""
-    environment = os.environ | {"SHIPNET_COMPILED": "0"}
-    output = subprocess.run(
-        [sys.executable, "-c", REACH],
-        check=True,
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        env=environment,
-    ).stdout
-    calls, fields = json.loads(output)
-    found = {}
-    for one in literals():
-        module = "shipnet." + one.file.removesuffix(".py").replace("/", ".")
-        if one.owner:
-            reaching = {
-                claim
-                for of, owner, name, claims in fields
-                for claim in claims
-                if (of, owner, name) == (module, one.owner, one.name)
-            }
+    """Return the constants whose value a call of a claim reads, each with these claims.
+
+    A default counts if an object has it because the caller named no other value. What only the
+    check of a new object reads does not count.
+    """
+    with get_context("fork").Pool(1) as pool:
+        reading: dict[Literal, list[str]] = pool.apply(_reached, (list(literals()),))
+    return reading
+
+
+def _reached(constants: list[Literal]) -> dict[Literal, list[str]]:
+    os.environ["SHIPNET_COMPILED"] = "0"
+    sys.path.insert(0, str(ROOT))
+    registry = import_module("shipnet.papers.registry")
+    registry.load()
+    readers: dict[Literal, set[str]] = {constant: set() for constant in constants}
+    running = ""
+
+    def read(constant: Literal) -> None:
+        if running:
+            readers[constant].add(running)
+
+    for constant in constants:
+        if constant.owner:
+            Default.watch(getattr(import_module(constant.module), constant.owner), constant, read)
+    loads = partial(_loads, constants=[constant for constant in constants if not constant.owner])
+    for claim in sorted(registry.REGISTRY):
+        running = claim
+        sys.settrace(partial(_trace, loads=cache(loads), read=read, seen=set()))
+        registry.REGISTRY[claim]()
+        sys.settrace(None)
+    return {constant: sorted(claims) for constant, claims in readers.items() if claims}
+
+
+class Default:
+    """A field of a class that reports each use of its default."""
+
+    def __init__(self, stored: Any, constant: Literal, default: Any, read: Callable[..., None]):
+        self.stored, self.constant, self.default, self.read = stored, constant, default, read
+
+    @classmethod
+    def watch(cls, owner: type, constant: Literal, read: Callable[[Literal], None]) -> None:
+        """Replace a field, and its default by an equal number that no caller can have named."""
+        stored = vars(owner).get(constant.name)
+        parameters = inspect.signature(owner).parameters
+        if constant.name not in parameters:
+            return
+        value = parameters[constant.name].default
+        default = type("Left", (type(value),), {})(value)
+        for constructor in [kind.__init__ for kind in [owner, *_derived(owner)]]:  # type: ignore[misc]
+            positional = [
+                name
+                for name, parameter in inspect.signature(constructor).parameters.items()
+                if parameter.kind is not parameter.KEYWORD_ONLY
+                and parameter.default is not parameter.empty
+            ]
+            defaults = dict(zip(positional, constructor.__defaults__ or (), strict=True))
+            if defaults.get(constant.name) is value:
+                defaults[constant.name] = default
+            constructor.__defaults__ = tuple(defaults.values())
+            named = constructor.__kwdefaults__ or {}
+            if named.get(constant.name) is value:
+                named[constant.name] = default
+        setattr(owner, constant.name, cls(stored, constant, default, read))
+
+    def __get__(self, made: Any, kind: type) -> Any:
+        """Return the value; report it if it is the default and no check asks for it."""
+        if made is None:
+            value = self.default
+        elif hasattr(self.stored, "__set__"):
+            value = self.stored.__get__(made, kind)
         else:
-            reaching = {
-                claim
-                for file, loads, claims in calls
-                for claim in claims
-                if one.name in loads and (file == one.file or one.name in imported(file, module))
-            }
-        if reaching:
-            found[one] = sorted(reaching)
-    return found
+            value = vars(made)[self.constant.name]
+        code = sys._getframe(1).f_code
+        checks = code.co_filename == "<string>" or code.co_filename.endswith("shipnet/fields.py")
+        if (
+            value is self.default
+            and not checks
+            and code.co_name not in {"__post_init__", "replace"}
+        ):
+            self.read(self.constant)
+        return value
+
+    def __set__(self, made: Any, value: Any) -> None:
+        """Store the value as the class did; the check of a default stores an equal number."""
+        checks = sys._getframe(1).f_code.co_filename.endswith("shipnet/fields.py")
+        if checks and self.__get__(made, type(made)) is self.default:
+            return
+        if hasattr(self.stored, "__set__"):
+            self.stored.__set__(made, value)
+        else:
+            vars(made)[self.constant.name] = value
+
+
+def _derived(owner: type) -> list[type]:
+    """Return all classes below a class."""
+    return [kind for child in owner.__subclasses__() for kind in [child, *_derived(child)]]
+
+
+def _loads(code: CodeType, constants: list[Literal]) -> dict[int, Literal]:
+    """Return the constants of modules that a function loads, by the place of the instruction."""
+    file = code.co_filename.rpartition("/shipnet/")[2]
+    if "/shipnet/" not in code.co_filename or code.co_name == "__post_init__":
+        return {}
+    visible = {
+        constant.name: constant
+        for constant in constants
+        if constant.name in code.co_names
+        and (constant.file == file or constant.name in imported(file, constant.module))
+    }
+    return {
+        step.offset: visible[step.argval]
+        for step in (dis.get_instructions(code) if visible else ())
+        if step.opname in {"LOAD_GLOBAL", "IMPORT_FROM"} and step.argval in visible
+    }
+
+
+def _trace(
+    frame: FrameType,
+    event: str,
+    _: object,
+    *,
+    loads: Callable[[CodeType], dict[int, Literal]],
+    read: Callable[[Literal], None],
+    seen: set[tuple[CodeType, int]],
+) -> Any:
+    """Follow the instructions of functions that load a constant until each load has run."""
+    places = loads(frame.f_code)
+    if all((frame.f_code, place) in seen for place in places):
+        return None
+    frame.f_trace_opcodes, frame.f_trace_lines = True, False
+    if event == "opcode" and frame.f_lasti in places:
+        seen.add((frame.f_code, frame.f_lasti))
+        read(places[frame.f_lasti])
+    return partial(_trace, loads=loads, read=read, seen=seen)
 
 
 @cache
@@ -247,31 +355,32 @@ def draw(number: int, seed: int) -> int:
         for folder in ("shipnet", "data", "tests", "docs"):
             shutil.copytree(ROOT / folder, package / folder)
         shutil.copy2(ROOT / "pyproject.toml", package)
-        original = results(package, sorted({c for claims in constants.values() for c in claims}))
-        for constant in random.Random(seed).sample(list(constants), number):
-            claims = constants[constant]
+        drawn = random.Random(seed).sample(list(constants), number)
+        original = results(package, sorted({claim for one in drawn for claim in constants[one]}))
+        if isinstance(original, str):
+            raise RuntimeError(original)
+        for constant in drawn:
             file = package / "shipnet" / constant.file
             text = file.read_text(encoding="utf-8")
-            seen: list[str] = []
-            for factor in (2, 0.5):
-                file.write_text(constant.changed(text, factor), encoding="utf-8")
-                try:
-                    found = results(package, claims)
-                    seen = seen or [claim for claim in claims if found[claim] != original[claim]]
-                except subprocess.CalledProcessError:
-                    seen = seen or ["the package cannot be imported"]
-                if seen:
-                    break
             owner = f"{constant.owner}." if constant.owner else ""
             test = elsewhere.get((constant.file, owner + constant.name), "")
-            if not seen and test:
-                command = [sys.executable, "-m", "pytest", "-q", "-x", test]
-                run = subprocess.run(command, cwd=package, capture_output=True, check=False)
-                test = test if run.returncode == 1 else ""
+            seen, fails = "", False
+            for factor in (2, 0.5):
+                file.write_text(constant.changed(text, factor), encoding="utf-8")
+                changed = results(package, constants[constant], original)
+                if isinstance(changed, dict):  # else the package refuses the value at import
+                    seen = next((c for c in changed if changed[c] != original[c]), "")
+                if seen:
+                    break
+                if test and not fails:
+                    command = [sys.executable, "-Bm", "pytest", "-qx", "--doctest-modules", test]
+                    run = subprocess.run(command, cwd=package, capture_output=True, check=False)
+                    fails = run.returncode == 1
+            test = test if fails else ""
             file.write_text(text, encoding="utf-8")
             moving += bool(seen)
             unexplained += not seen and not test
-            result = f"{len(seen):3} claims, such as {seen[0]}" if seen else test or "NOT SEEN"
+            result = seen or test or "NOT SEEN"
             print(f"{constant.file:27} {owner + constant.name:32} {result}", flush=True)
     print(f"{moving} of {number} move a claim; {unexplained} are seen by nothing")
     return int(moving < number * 7 / 8 or unexplained > 0)

@@ -194,22 +194,22 @@ def other_ids_are_ignored(*, own: Sequence[int] = (1,)) -> bool:
     return all(silent) and not plant.running.any()
 
 
-@check("kim2014-107", positions=tuple(range(0, 101, 10)), counter={"within": 0.0})
+@check("kim2014-107", positions=(*range(0, 101, 10), 49, 51), counter={"within": 0.01})
 @check("kim2014-088", positions=(0, 100), counter={"reversible": False})
 def reaches_the_position(
     *, positions: Sequence[int], within: float = 1.0, reversible: bool = True
-) -> bool:
-    """Whether a half-open valve stops within this distance [%] of each of these positions.
+) -> float:
+    """Margin by which a half-open valve stops within this distance [%] of each of these positions.
 
     Without a reversible motor it could only open.
     """
+    distances = []
     for position in positions:
         plant = Plant(System(1, opening=0.5))
         plant.order(Command(float(position if reversible else max(position, 50))))
         plant.run_until(20.0)
-        if abs(100 * plant.opening[0] - position) > within:
-            return False
-    return True
+        distances.append(abs(100 * float(plant.opening[0]) - position))
+    return 1 - max(distances) / within
 
 
 @check("kim2014-072", counter={"leak": 0.5})

@@ -387,16 +387,17 @@ def mean_size(*, number: int, groups: int) -> float:
 
 
 @check("kim2023-091", counter={"target": "3"})
-def moves(*, target: str = "9") -> bool:
-    """Whether a slave in operation can be given this address, and then responds at it."""
-    slaves = [Slave(label) for label in "123"]
-    run = simulate(slaves, until=0.3, commands=[(0.05, ChangeAddress("2", target))])
+def moves(*, target: str = "9", within: float = 0.2) -> float:
+    """Margin by which a slave in operation is polled at this new address within this time [s]."""
+    start, slaves = 0.05, [Slave(label) for label in "123"]
+    run = simulate(slaves, until=start + within, commands=[(start, ChangeAddress("2", target))])
     calls = run.events().query("slave in ['0', '2']")["call"].tolist()
     in_order = "DELETE_ADDRESS" in calls and calls.index("DELETE_ADDRESS") < calls.index(
         "ASSIGN_ADDRESS"
     )
-    later = run.events().query("time_s > 0.25 and call == 'DATA_EXCHANGE' and outcome == 'ok'")
-    return in_order and target in set(later["slave"])
+    polled = run.events().query("call == 'DATA_EXCHANGE' and outcome == 'ok'")
+    times = polled.loc[polled["slave"] == target, "time_s"]
+    return 1 - float(times.min() - start) / within if in_order else -1.0
 
 
 @check("kim2023-097", counter={"labels": ("1A", "1A")})

@@ -25,7 +25,7 @@ from shipnet.papers.registry import check, numeric
 
 #: Plants whose wiring is compared; four doors are our example of a small plant.
 PLANTS = {
-    "62 modules with 4 inputs at 300 m (section 3.3)": Plant(62, contacts=4, distance=300),
+    "62 modules with 4 inputs at 300 m (section 3.3)": Plant(62, contacts=4),
     "190 valves on 14 lines at 50 m (submarine)": Plant(190, contacts=1, lines=14, distance=50),
     "4 doors at 10 m": Plant(4, contacts=1, distance=10),
 }
@@ -59,17 +59,18 @@ def price_table() -> pd.DataFrame:
 )
 @check("kim2023-110", quantity="labour_h", counter={"modules": 4, "inputs": 1, "distance": 10})
 def needs_less(
-    *, quantity: str, modules: int = 62, inputs: int = 4, distance: float = 300
+    *, quantity: str, modules: int = 62, inputs: int = 4, distance: float | None = None
 ) -> float:
     """Fraction of this quantity that AS-i saves compared with hardwiring."""
-    table = wiring(Plant(modules, contacts=inputs, distance=distance))[quantity]
+    plant = Plant(modules, contacts=inputs)
+    table = wiring(plant if distance is None else replace(plant, distance=distance))[quantity]
     return float(1 - table["AS-i"] / table["hardwired"])
 
 
 @check("kim2023-111", counter={"modules": 1, "inputs": 1})
 def cut_loses_no_more(*, modules: int = 62, inputs: int = 4) -> float:
     """Points lost by a cut cable if hardwired, divided by those with AS-i, minus 1."""
-    lost = wiring(Plant(modules, contacts=inputs, distance=300))["lost_by_cable"]
+    lost = wiring(Plant(modules, contacts=inputs))["lost_by_cable"]
     return float(lost["hardwired"] / lost["AS-i"] - 1)
 
 

@@ -272,13 +272,14 @@ def destroys_both(*, disturbed: tuple[float, ...] = ()) -> bool:
 
 
 @check("lee2012-068", counter={"timeout": 2.5})
-def asks_and_sends_again(*, timeout: float = System().timeout) -> bool:
-    """Whether a damaged CAN frame is sent again, and a lost Modbus poll repeated within 2 s."""
+def asks_and_sends_again(*, timeout: float | None = None) -> float:
+    """Margin by which a lost Modbus poll is repeated within 2 s, if CAN repeats a damaged frame."""
     sent = simulate(TOGETHER, 125e3, until=0.5, faults=ErrorAt(100e-6)).events()
     on_can = sent["retries"].max() > 0 and (sent["outcome"] == "sent").all()
     lost, rng = [LostModbusFrames("1", request=1.0)], np.random.default_rng(0)
-    requests = simulate_engine(System(timeout=timeout), faults=lost, until=5, rng=rng).requests()
-    return bool(on_can and np.diff(requests["time_s"])[0] <= RULE)
+    system = System() if timeout is None else System(timeout=timeout)
+    requests = simulate_engine(system, faults=lost, until=5, rng=rng).requests()
+    return 1 - float(np.diff(requests["time_s"])[0]) / RULE if on_can else -1.0
 
 
 def _first_frame(data: bytes = bytes(8)) -> Frame:
