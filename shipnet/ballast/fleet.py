@@ -15,6 +15,7 @@ from contextlib import suppress
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
+from time import sleep
 from typing import Any, NamedTuple
 from uuid import uuid4
 
@@ -255,6 +256,15 @@ def _rows(file: Path, expected: Mapping[str, str]) -> int | None:
     return int(table.num_rows)
 
 
+def _settings_in(file: Path) -> dict[str, str]:
+    """Return the settings in a fleet's file, which another run may still be writing."""
+    for _ in range(20):
+        with suppress(TypeError, ValueError):
+            return dict(json.loads(file.read_bytes()))
+        sleep(0.1)
+    raise InputError(str(file), "is incomplete; delete it and repeat the call")
+
+
 def _claim(folder: Path, settings: Mapping[str, str]) -> None:
     """Write the fleet's settings into its folder, or refuse the folder of another fleet."""
     file, created = folder / "fleet.json", False
@@ -263,17 +273,13 @@ def _claim(folder: Path, settings: Mapping[str, str]) -> None:
         with suppress(FileExistsError), file.open("x", encoding="utf-8") as stream:
             created = True
             stream.write(json.dumps(settings, indent=1))
-        found = dict(json.loads(file.read_bytes()))
+        present = _settings_in(file)
     except OSError as problem:
         if created:
             file.unlink()
         raise _unusable(file, "written", problem) from problem
-    except (TypeError, ValueError):
-        raise InputError(
-            str(file), "is incomplete; if no other run is just writing it, delete it and repeat"
-        ) from None
     for name, value in settings.items():
-        if (other := found.get(name)) != value:
+        if (other := present.get(name)) != value:
             why = f"is of another fleet: its {name} is {other!r}, not {value!r}"
             raise InputError(str(file), f"{why}; give an empty folder")
 

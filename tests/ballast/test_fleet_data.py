@@ -292,7 +292,7 @@ def test_what_cannot_be_used_is_named(tmp_path, small):
     (tmp_path / "faults" / "block-0000.parquet").rmdir()
     for text in ("", "{", "[1]", "7"):
         (tmp_path / "fleet.json").write_text(text)
-        with pytest.raises(InputError, match=r"fleet\.json: is incomplete; if no other run is"):
+        with pytest.raises(InputError, match=r"fleet\.json: is incomplete; delete it"):
             write_fleet(tmp_path, **SMALL)
     (tmp_path / "fleet.json").unlink()
     assert the_same(tmp_path, small)

@@ -25,8 +25,8 @@ def test_only_own_and_sound_requests_are_answered():
 
 
 def test_a_move_to_a_taken_address_is_refused():
-    assert moves(target="9") and moves(target="31")
-    assert not moves(target="3") and not moves(target="1")
+    assert moves(target="9") >= 0 and moves(target="31") >= 0
+    assert moves(target="3") < 0 and moves(target="1") < 0
     run = simulate(icn2007.five_slaves(), until=0.2, commands=[(0.05, ChangeAddress("2", "3"))])
     assert not run.commands["done"].item()
 
