@@ -36,7 +36,7 @@ class Contents:
     def html(self, folder: str = "") -> str:
         """Return the table with links to the notebooks in a folder, such as ``"notebooks/"``."""
         printed = datasets.read("figures_tables.csv").query("paper == @self.paper")
-        known = printed.set_index("item")[["cell", "treatment"]].to_dict("index")
+        treated = printed.set_index("item")[["cell", "treatment"]].to_dict("index")
 
         def link(words: str, cell: str) -> str:
             notebook, _, id = cell.partition("#")
@@ -48,7 +48,7 @@ class Contents:
         lines += [*(f"<th {LEFT}>{head}</th>" for head in heads), "</tr></thead>", "<tbody>"]
         for section, says, places, items, claims in self.table().itertuples(name=None):
             pairs = [pair.split("=") for pair in str(places).split("; ")]
-            listed = [(item, *known[item].values()) for item in str(items).split("; ") if item]
+            listed = [(item, *treated[item].values()) for item in str(items).split("; ") if item]
             cells = (
                 escape(str(section)),
                 escape(str(says)),

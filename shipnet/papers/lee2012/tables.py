@@ -12,6 +12,7 @@ from shipnet.fields import check_choice
 from shipnet.lazy import pd
 from shipnet.modbus.pdu import FunctionCode
 from shipnet.papers.lee2012 import buses, engine
+from shipnet.papers.registry import REGISTRY
 
 #: The data file of each table.
 _FILES = {
@@ -27,7 +28,8 @@ def table(item: str) -> pd.DataFrame:
     rows = datasets.read(_FILES[check_choice("item", item, _FILES)])
     compute = {"Table 1": _engine, "Table 2": _modbus, "Table 3": _sensors, "Fig 4": _frames}
     printed, compared, ours = compute[item](rows)
-    marks = ["*" if one not in ("", cell) else "" for one, cell in zip(ours, compared, strict=True)]
+    pairs = zip(ours, compared, strict=True)
+    marks = ["" if value in ("", cell) else "*" for value, cell in pairs]
     return printed.assign(ours=ours, differs=marks).set_index(printed.columns[0])
 
 
@@ -37,16 +39,19 @@ Beside: TypeAlias = tuple[pd.DataFrame, Iterable[str], Sequence[str]]
 
 def _engine(rows: pd.DataFrame) -> Beside:
     cells = rows["value_printed"] + [f" {u}" if "/" in u else "" for u in rows["unit_printed"]]
-    low, fuel, high = (engine.per_kilowatt_hour(grams) for grams in (0.7, 126.0, 1.1))
+    fuel, low, high = (REGISTRY[claim]() for claim in ("lee2012-008", "lee2012-010", "lee2012-070"))
+    oil = rows.set_index("quantity").loc["lubricating_oil_consumption"]
     ours = ["", f"{engine.speed():.0f}", f"{engine.mean_pressure():.1f}", f"{fuel:.0f} g/kWh"]
-    ours += ["4-5 kg/cyl.24h", f"{low:.2f}-{high:.1f} g/kWh"]
+    unit = oil.unit_printed.replace("crl", "cyl")
+    ours += [f"{oil.value_low}-{oil.value_high} {unit}", f"{low:.2f}-{high:.1f} g/kWh"]
     return pd.DataFrame({"quantity": rows["label_printed"], "as printed": cells}), cells, ours
 
 
 def _modbus(rows: pd.DataFrame) -> Beside:
     function = FunctionCode.READ_HOLDING_REGISTERS
     name = f"{function:02d} ({function.name.replace('_', ' ').capitalize()})"
-    ours = ["", "", f"{buses.LINE.bit_rate:g} bps", "8", "Even", "1", name, "no address"]
+    # Our line takes its settings from the table, so only the rows below them are compared.
+    ours = [*[""] * 6, name, "no address"]
     ours += [f"{unit:02d} (JB #{box})" for unit, box in ((buses.JB1, 1), (buses.JB3, 3))]
     printed = rows[["label_printed", "cell_printed"]].set_axis(["item", "as printed"], axis=1)
     return printed, rows["cell_printed"], ours
@@ -55,7 +60,7 @@ def _modbus(rows: pd.DataFrame) -> Beside:
 def _frames(rows: pd.DataFrame) -> Beside:
     # The standard's fields; the response has one register.
     widths = [1, 1, 2, 2, 2, 1, 1, buses.byte_count_width(), buses.data_width(), 2]
-    texts = [f"{width} byte{'s' * (width > 1)}" for width in widths]
+    texts = [f"{width} byte" if width == 1 else f"{width} bytes" for width in widths]
     start = f"≥{buses.silent_characters():g} char"
     ours = [start, *texts[:5], start, f"{texts[5]}, of the slave", *texts[6:]]
     names = {"request": "(a) request", "response": "(b) response"}
