@@ -171,7 +171,7 @@ def test_cells_too_long_or_too_far_to_the_right_are_refused(suffix, tmp_path):
         with pytest.raises(InputError, match=f"row {row + 1} has 1025 cells; at most 1024 are"):
             asi.read_plan(save(rows))
     rows[1][-2:] = ["", ""]
-    with pytest.raises(InputError) as refused:  # empty cells are no fault
+    with pytest.raises(InputError) as refused:  # empty cells are not a fault
         asi.read_plan(save(rows))
     assert "has no row of kind cable" in str(refused.value)
 

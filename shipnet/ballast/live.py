@@ -562,17 +562,17 @@ class Readout:
             return {}
         way = "open" if row["open"] else "close" if row["close"] else "no command yet"
         return {
-            "position": said(row["VPos_percent"], 0, "%"),
-            "pump pressure": said(row["FP_bar"], 0, "bar"),
-            "operating pressure": said(row["OP_bar"], 1, "bar"),
-            "motor current": said(row["MC_A"], 1, "A"),
-            "motor temperature": said(row["OT_degC"], 0, "degC"),
+            "position": reading_text(row["VPos_percent"], 0, "%"),
+            "pump pressure": reading_text(row["FP_bar"], 0, "bar"),
+            "operating pressure": reading_text(row["OP_bar"], 1, "bar"),
+            "motor current": reading_text(row["MC_A"], 1, "A"),
+            "motor temperature": reading_text(row["OT_degC"], 0, "degC"),
             "motor ran": f"{row['operating_s']:.1f} s",
             "mode": f"{'auto' if row['auto'] else 'manual'}, last command {way}",
             "fault reported": str(int(row["fault"])) if row["fault"] else "none",
         }
 
 
-def said(value: float, digits: int, unit: str) -> str:
+def reading_text(value: float, digits: int, unit: str) -> str:
     """Return a reading as text, ``missing`` for NaN."""
     return "missing" if np.isnan(value) else f"{value:.{digits}f} {unit}"

@@ -285,13 +285,15 @@ def _joined(
 def _best(divisions: Iterable[_Division], series: int) -> list[_Division]:
     """Return the divisions that no other equals or beats in every respect, the best first."""
     best: list[_Division] = []
-    for one in sorted(divisions, key=lambda division: division[:5]):
-        beaten = (
-            two.series <= one.series and two.used <= one.used and two.last <= one.last
-            for two in best
+    for new in sorted(divisions, key=lambda division: division[:5]):
+        dominated = any(
+            division.series <= new.series
+            and division.used <= new.used
+            and division.last <= new.last
+            for division in best
         )
-        if one.series <= series and len(best) < _COMPARED and not any(beaten):
-            best.append(one)
+        if new.series <= series and len(best) < _COMPARED and not dominated:
+            best.append(new)
     return best
 
 

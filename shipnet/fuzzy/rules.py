@@ -71,7 +71,7 @@ class RuleBase:
         faults = [f"{kind} {name} occurs twice" for kind, name in twice]
         terms = {f"{v.name}.{term.name}" for v in self.variables for term in v.terms}
         faults += [
-            f"{rule.code}: there is no term {pair}"
+            f"{rule.code}: {pair} is not a term"
             for rule in self.rules
             for pair in rule.text.split(" & ")
             if pair not in terms

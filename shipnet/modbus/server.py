@@ -212,7 +212,7 @@ def serve(
     because adapters and drivers may pass on the bytes of a frame in portions.
 
     Up to 128 TCP connections can be open. A further one replaces a client that has sent no request
-    yet, or none for 10 s; if there is no such client, it is refused and counted in the log. A
+    yet, or none for 10 s; otherwise, it is refused and counted in the log. A
     connection without requests is closed after 10 minutes. TCP clients take turns of at most four
     requests. A client that leaves more than 64 KiB of responses unread is disconnected; while 256
     responses to it are delayed, its further requests wait. Datagrams share one queue; they are

@@ -58,7 +58,7 @@ _MOST_ACTIONS = 2000
 class ReceiveRing(Tool):
     """A receive ring that is filled and read by hand, step by step.
 
-    `result` has the ring, a description of the last action (`said`), and the number of packets.
+    `result` has the ring, a description of the last action (`report`), and the number of packets.
 
     Examples
     --------
@@ -98,7 +98,7 @@ class ReceiveRing(Tool):
         game, ring = self.result, self.result.ring
         overwritten = max(0, ring.unread - ring.size)
         return View(
-            verdict=game.said,
+            verdict=game.report,
             ok=not (ring.lost or ring.stale or overwritten),
             numbers={
                 f"case {ring.case}": CASES[ring.case],
@@ -129,13 +129,13 @@ class ReceiveRing(Tool):
 class Game:
     """A ring with a writer and a reader of packets.
 
-    `said` describes the last action, and `values` has the values of the packets that were read.
+    `report` describes the last action, and `values` has the values of the packets that were read.
     """
 
     def __init__(self, inputs: ReceiveRing) -> None:
         self.ring = Ring(inputs.size, inputs.rule)
         self.parser: MarkerParser = _FORM.parser()
-        self.said = "nothing done yet"
+        self.report = "nothing done yet"
         self.values: list[int] = []
         for action in inputs.actions:
             getattr(self, f"_{action}")()
@@ -158,13 +158,13 @@ class Game:
         byte = _FORM.encode({0: _value(number)})[index]
         where = self.ring.state.no
         self.ring.store(byte)
-        self.said = f"byte {index + 1} of packet {number + 1}, 0x{byte:02X}, stored at {where}"
+        self.report = f"byte {index + 1} of packet {number + 1}, 0x{byte:02X}, stored at {where}"
 
     def _packet(self) -> None:
         number, stored = divmod(self.ring.written, _SIZE)
         for _ in range(_SIZE - stored):
             self._byte()
-        self.said = f"{_SIZE - stored} bytes stored, to the end of packet {number + 1}"
+        self.report = f"{_SIZE - stored} bytes stored, to the end of packet {number + 1}"
 
     def _extract(self) -> Step:
         where = self.ring.state.get_no
@@ -174,29 +174,29 @@ class Game:
             self.values += [items[0][1] if items else 0 for items in packets]
             error = ", in error" if step.stale else ""
             lost = f", {step.lost} bytes lost unnoticed" if step.lost else ""
-            self.said = f"0x{step.byte:02X} extracted from {where}{error}{lost}"
+            self.report = f"0x{step.byte:02X} extracted from {where}{error}{lost}"
         elif step.action == "repair":
             moved = f"reader moved from {where} to {self.ring.state.get_no}"
-            self.said = f"repaired: {moved}, {step.lost} bytes lost"
+            self.report = f"repaired: {moved}, {step.lost} bytes lost"
         elif step.action == "wait":
-            self.said = "the ring appears to be empty: the reader waits"
+            self.report = "the ring appears to be empty: the reader waits"
         else:
-            self.said = "case a: the reader stops receiving and starts sending"
+            self.report = "case a: the reader stops receiving and starts sending"
         return step
 
     def _empty(self) -> None:
         # Reading an empty ring may never end, so stop after two laps.
         for taken in range(2 * self.ring.size):
             if self._extract().action in ("wait", "stop"):
-                self.said = f"{taken} steps, then: {self.said}"
+                self.report = f"{taken} steps, then: {self.report}"
                 return
-        self.said = f"stopped after {2 * self.ring.size} steps, because reading would never end"
+        self.report = f"stopped after {2 * self.ring.size} steps, because reading would never end"
 
     def _repair(self) -> None:
         if self.ring.copy().extract().action == "repair":
             self._extract()
         else:
-            self.said = "with the chosen rule there is nothing to repair"
+            self.report = "with the chosen rule there is nothing to repair"
 
 
 def _value(number: int) -> int:

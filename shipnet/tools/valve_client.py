@@ -13,7 +13,7 @@ from weakref import finalize
 import numpy as np
 from matplotlib.axes import Axes
 
-from shipnet.ballast.live import Client, Link, ModelValves, Readout, said, serve
+from shipnet.ballast.live import Client, Link, ModelValves, Readout, reading_text, serve
 from shipnet.errors import load_extra
 from shipnet.fields import record, text, whole
 from shipnet.modbus.frame import MAX_UNIT
@@ -70,7 +70,7 @@ class ValveClient(Tool):
         """Return the view of the valves that were read, with the response to the last command."""
         row = readout.screen[self.valve]
         silent = row["state"] == "silent"
-        status = f"{row['state']}, {said(row['position_percent'], 0, '%')}"
+        status = f"{row['state']}, {reading_text(row['position_percent'], 0, '%')}"
         return View(
             verdict=f"valve {self.valve}{' does not respond' if silent else f': {status}'}",
             ok=not (refused or silent),

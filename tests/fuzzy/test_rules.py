@@ -17,7 +17,7 @@ def test_a_rule_base_refuses_what_does_not_fit(base):
     twice = (*base.rules, base.rules[0])
     with pytest.raises(ArgumentError, match="code G1 occurs twice; priority 1 occurs twice"):
         RuleBase(base.variables, twice)
-    with pytest.raises(ArgumentError, match=r"no term FP\.high"):
+    with pytest.raises(ArgumentError, match=r"G1: FP\.high is not a term"):
         RuleBase(base.variables[1:], base.rules)
     with pytest.raises(ArgumentError, match="variable FP occurs twice"):
         RuleBase((*base.variables, base.variables[0]), base.rules)

@@ -101,7 +101,7 @@ class Graph:
         return {state}, {state: frozenset()}, False
 
     def repeat(self, kind, low, high, body):
-        """Add a repeat; a limited one is no loop, so three of its turns stand for all."""
+        """Add a repeat; a limited one is not a loop, so three of its turns stand for all."""
         turn, perhaps = (op.ATOMIC_GROUP, body), (op.BRANCH, (None, [body, []]))
         if high is not op.MAXREPEAT:
             return self.sequence([turn] * min(low, 3) + [perhaps] * min(high - low, 3))

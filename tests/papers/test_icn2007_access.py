@@ -6,9 +6,10 @@ from shipnet.asi.timing import Transaction
 from shipnet.asi.topologies import star
 from shipnet.crc import CAN, MODBUS
 from shipnet.papers import icn2007
-from shipnet.papers.icn2007 import allowed_plans, margin_of, trunk_and_star
+from shipnet.papers.icn2007 import allowed_plans, trunk_and_star
 from shipnet.papers.kim2023 import protocol, signals
 from shipnet.papers.kim2023.protocol import moves
+from shipnet.papers.kim2023.ship import margin_of
 from shipnet.papers.registry import REGISTRY
 
 

@@ -21,7 +21,7 @@ def test_every_byte_is_accounted_for_in_any_order_of_buttons(size, rule, actions
     # Every stored byte is read once, lost, or still unread.
     assert 0 <= ring.lost + ring.unread <= ring.written
     assert result.wrong <= result.packets
-    assert (result.said and "nothing done" not in result.said) or not actions
+    assert (result.report and "nothing done" not in result.report) or not actions
     if rule != "printed":
         assert ring.stale == 0
 
@@ -38,13 +38,13 @@ def test_the_printed_repair_loses_bytes_that_the_corrected_ring_keeps():
 
 def test_a_repair_is_refused_if_none_is_needed():
     result = ReceiveRing(actions=(*PACKET, "repair")).result
-    assert "nothing to repair" in result.said and result.ring.unread == 6
+    assert "nothing to repair" in result.report and result.ring.unread == 6
 
 
 def test_endless_reading_is_stopped():
     # The reader is past the last position of the writer, and endlessly returns to it.
     result = ReceiveRing(8, "printed", (*7 * ("byte",), *ALL)).result
-    assert "never end" in result.said
+    assert "never end" in result.report
     # The packet in the ring is found twice; the second time it is old.
     assert (result.packets, result.wrong) == (2, 1)
 

@@ -332,7 +332,7 @@ def crc_costs_more(*, few: int = 1, many: int = ITEMS) -> bool:
 
 @check("chung1998-074", counter={"changed": 7})
 def changes_are_shorter(*, changed: int = 6) -> float:
-    """Margin by which so many numbered items need fewer bytes than all ten without numbers."""
+    """Margin by which this many numbered items need fewer bytes than all ten without numbers."""
     form = MarkerFormat(n_numbers=ITEMS)
     return 1 - form.size(changed) / (form.size(ITEMS) - ITEMS)
 

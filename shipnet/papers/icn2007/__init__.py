@@ -40,6 +40,7 @@ from shipnet.papers.kim2023.protocol import (
     slaves_per_master,
     word_bits,
 )
+from shipnet.papers.kim2023.ship import margin_of
 from shipnet.papers.registry import REGISTRY, check, is_legal, numeric
 
 __all__ = [
@@ -406,12 +407,6 @@ def allowed_plans() -> dict[str, Plan]:
     }
 
 
-def margin_of(plan: Plan) -> float:
-    """Return the smallest margin of the rules that a plan does not meet exactly at their limit."""
-    margins = plan.check().worst()["margin"]
-    return float(margins[margins.abs() > 1e-9].min())
-
-
 def trunk_and_star(leg: float = 10 / SLAVES, supply: float = 90.0) -> Plan:
     """Return a plan of 90 m of cable, fed at `supply` [m], with 62 legs of `leg` [m] at its end."""
     return star(90, [leg] * SLAVES, supply=supply)
@@ -433,8 +428,8 @@ def line_is_allowed(*, length: float = 100.0) -> float:
 @check("icn2007-002", counter={"tap": 5.0})
 def taps_count_too(*, tap: float = 4.0) -> bool:
     """Whether the rule for the length counts 60 m of trunk and ten taps, and is met."""
-    found = star(60, legs=[tap] * 10).check().table().set_index("rule").loc["cable_length"]
-    return bool(np.isclose(found["value"], 60 + 10 * tap) and found["verdict"] == "met")
+    rule = star(60, legs=[tap] * 10).check().table().set_index("rule").loc["cable_length"]
+    return bool(np.isclose(rule["value"], 60 + 10 * tap) and rule["verdict"] == "met")
 
 
 @check("icn2007-048", counter={"supply": 0.0})
@@ -556,4 +551,5 @@ def none_meets_both(*, names: tuple[str, ...] = MODULATIONS) -> bool:
 @check("icn2007-069", counter={"pause": False})
 def reads_the_next_request(*, pause: bool = True) -> bool:
     """Whether a slave that heard a damaged request answers its own next one."""
-    return answer_to(DAMAGED, *[""] * pause, OWN) != "silence"
+    telegrams = [DAMAGED, "", OWN] if pause else [DAMAGED, OWN]
+    return answer_to(*telegrams) != "silence"

@@ -84,7 +84,8 @@ def table(item: str) -> pd.DataFrame:
         rows[name, "standard"] = {}
         for begin, end in zip(first, last, strict=True):
             theirs, ours = (adu[begin : end + 1] for adu in (printed_adu(name), STANDARD[name]))
-            rows[name, "standard"][begin] = ours.hex(" ") + " *" * (ours != theirs)
+            mark = "" if ours == theirs else " *"
+            rows[name, "standard"][begin] = ours.hex(" ") + mark
     return pd.DataFrame(rows).T.fillna("").rename_axis(columns="byte")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,14 +25,9 @@ _VALVES = read_iolist(datasets.path("synthetic_iolist_valves.csv"))
 _RECORD: dict[str, Any] = {"dt": 50e-9, "before": 0, "after": 9.2e-6}
 
 
-def _simple(item: str, figsize: tuple[float, float], draw: Callable[[Axes], Axes]) -> None:
-    """Register a figure that one call draws."""
-    drawing("kim2023", item, figsize=figsize)(lambda *, ax: draw(ax))
-
-
-_simple("Fig 1", (8, 4), lambda ax: _VALVES.plot("home runs", ax=ax))
-_simple("Fig 2", (8, 4), lambda ax: _VALVES.plot("AS-i", ax=ax))
-_simple("Table 7", (8, 2.4), Profile.plot_table)
+drawing("kim2023", "Fig 1", figsize=(8, 4))(partial(_VALVES.plot, "home runs"))
+drawing("kim2023", "Fig 2", figsize=(8, 4))(partial(_VALVES.plot, "AS-i"))
+drawing("kim2023", "Table 7", figsize=(8, 2.4))(Profile.plot_table)
 diagrams("kim2023", "Fig 10", arrowstyle="-")
 
 
