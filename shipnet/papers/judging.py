@@ -369,7 +369,7 @@ def _ours(row: Mapping[str, Any]) -> str:
 #: Verdicts and kinds in words.
 _WORDS = {
     "unit": "wrong unit",
-    "assumption differs": "differs under our assumption",
+    "assumption differs": "holds only under our assumption",
     "erratum": "misprint",
     "context": "not judged",
     "ours": "our number",

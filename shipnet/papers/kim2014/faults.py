@@ -19,7 +19,6 @@ from shipnet.ballast.scan import System, status_poll
 from shipnet.ballast.sensors import CHANNELS
 from shipnet.ballast.slave import Monitor
 from shipnet.ballast.trials import fault_trials
-from shipnet.ballast.wear import Wear
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.modbus.faults import Break
@@ -234,7 +233,7 @@ def row_is_found_at_both_ends(*, code: str, channel: str, value: float) -> bool:
 
 
 @numeric("kim2014-032")
-def position_above_the_end(*, end: float = 300.0, below: float = _ROW_12) -> float:
+def position_above_the_end(*, end: float = _OPEN, below: float = _ROW_12) -> float:
     """Position as far above `end` as row 12 is below the closed end [%]."""
     return end + (_CLOSE - below)
 
@@ -250,16 +249,6 @@ def all_tests_pass(*, version: str = "corrected") -> bool:
 def faults_survive_registers(*, codes: tuple[str, ...] = BASE.codes) -> bool:
     """Whether each of these faults is diagnosed from readings sent in registers."""
     return all(through_registers(code) == code for code in codes)
-
-
-@check("kim2014-045", counter={"predictor": "stroke time"})
-def wear_is_estimated(*, predictor: str = "leak", part: float = 0.5) -> float:
-    """Margin by which over half of 30 synthetic pumps have their life predicted to within 20 %.
-
-    The prediction is made after this fraction of their lives, from the leak or the stroke time.
-    """
-    compared = Wear.synthetic(30, 1000, rng=2024).compare_predictors(parts=(part,))
-    return float(compared["within_20"].loc[predictor, part]) / 0.5 - 1
 
 
 # Faults of different severity.

@@ -17,7 +17,7 @@ from shipnet.asi.profile import Profile
 from shipnet.asi.rules import rule_limits
 from shipnet.asi.segment import Repeater, Supply
 from shipnet.asi.simulation import Run, simulate
-from shipnet.asi.slave import RunningSlave, Slave
+from shipnet.asi.slave import WATCHDOG, RunningSlave, Slave
 from shipnet.asi.telegram import (
     REQUEST_BITS,
     RESPONSE_BITS,
@@ -410,12 +410,16 @@ def codes_tell_apart(*, labels: tuple[str, str] = ("1A", "1B")) -> bool:
     return len(set(answers["response_data"])) == 2
 
 
-@check("kim2023-054", counter={"shortest": 0.1})
-def outputs_are_reset_later(*, shortest: float = 0.05) -> float:
-    """Margin of the silence after which a slave resets its outputs over this time [s]."""
-    run = simulate([Slave("1")], until=0.4, faults=MasterFailure(start=0.1))
+@check("kim2023-054", counter={"watchdog": 0.05})
+def outputs_are_reset_after_50_ms(*, watchdog: float = WATCHDOG) -> float:
+    """Margin within 50 ms of the silence, in whole ms, after which a slave resets its outputs.
+
+    The slave has this watchdog time [s].
+    """
+    slave = Slave("1", watchdog=watchdog)
+    run = simulate([slave], until=0.4, faults=MasterFailure(start=0.1))
     last = run.events().query("call == 'DATA_EXCHANGE' and time_s < 0.1")["time_s"].max()
-    return float((run.watchdogs["time_s"].min() - last) / shortest - 1)
+    return 1 - round(1e3 * float(run.watchdogs["time_s"].min() - last)) / 50
 
 
 def after(label: str, *requests: Request) -> tuple[RunningSlave, int | None]:

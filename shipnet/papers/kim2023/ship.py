@@ -73,13 +73,6 @@ def needs_less(
     return float(1 - table["AS-i"] / table["hardwired"])
 
 
-@check("kim2023-111", counter={"modules": 1, "inputs": 1})
-def cut_loses_no_more(*, modules: int = 62, inputs: int = 4) -> float:
-    """Points lost by a cut cable if hardwired, divided by those with AS-i, minus 1."""
-    lost = wiring(Plant(modules, contacts=inputs))["lost_by_cable"]
-    return float(lost["hardwired"] / lost["AS-i"] - 1)
-
-
 @check("kim2023-112", counter={"limit": 0.005})
 def failure_is_noticed(*, limit: float = 1.0) -> float:
     """Margin within which the master reports a dead slave in this time [s], among 31 slaves."""

@@ -251,6 +251,10 @@ DAMAGE = {
 
 
 @check("kim2023-061", counter={"faults": 4})
-def errors_are_detected(*, faults: int = 1) -> bool:
-    """Whether every response with this many wrong slots is detected as faulty."""
-    return undetected(faults)[0] == 0
+def errors_are_detected(*, faults: int = 3) -> bool:
+    """Whether every response and request with one to this many wrong slots is found faulty."""
+    return not any(
+        undetected(wrong, requests=requests)[0]
+        for wrong in range(1, faults + 1)
+        for requests in (False, True)
+    )

@@ -191,10 +191,10 @@ def enough_inputs(*, condition: str, inputs: int) -> bool:
     return max(sum(point.condition == condition for point in points) for points in boxes) <= inputs
 
 
-@check("lee2012-050", counter={"volts": (0.0, 5.0)})
-def one_resistor_fits(*, volts: tuple[float, float] = (1.0, 5.0)) -> bool:
-    """Whether one resistor converts 4-20 mA into this range [V]."""
-    return bool(np.isclose(volts[0] / 4e-3, volts[1] / 20e-3))
+@check("lee2012-050", counter={"low": 0.0})
+def one_resistor_fits(*, low: float = 1.0, high: float = 5.0) -> bool:
+    """Whether one resistor converts 4-20 mA into `low` to `high` [V]."""
+    return bool(np.isclose(low / 4e-3, high / 20e-3))
 
 
 @check("lee2012-104", "lee2012-089", counter={"share": 0.5})
