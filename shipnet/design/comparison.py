@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.answers import Findings
+from shipnet.design import ship
 from shipnet.design.costs import (
     CRITERIA,
     FIGURES,
@@ -350,6 +351,15 @@ class Comparison:
         return plot_pareto(
             whole[[x, y]].set_axis([label(x), label(y)], axis=1), self.pareto(x, y), ax=ax
         )
+
+    def drawing(self) -> ship.ShipDrawing:
+        """Return all designs in the ship, in which a cable or device that is clicked fails."""
+        notes = {}
+        for name, design in self.designs.items():
+            cost = f"{number(self.quantities[name]['total_cost_eur'])} EUR"
+            rules = [f"violates {self._violated[name]}"] if name in self._violated else []
+            notes[name] = "; ".join([cost, ship.note(design), *rules])
+        return ship.draw(self.designs, notes)
 
     def plan(
         self,

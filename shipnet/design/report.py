@@ -390,7 +390,8 @@ def _pictures(comparison: Any, likely: pd.DataFrame) -> str:
         figures.append(
             picture(svg(tornado.plot), f"Effect of each assumption on the {tornado.subject}.")
         )
-    return section("Figures", f'<div class="pair">{"".join(figures)}</div>')
+    ship = comparison.drawing().html if comparison.iolist.located.any() else ""
+    return section("Figures", f'{ship}<div class="pair">{"".join(figures)}</div>')
 
 
 def _rules(rules: Any, options: Sequence[str]) -> str:
