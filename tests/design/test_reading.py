@@ -363,7 +363,7 @@ def test_the_command_counts_groups_and_saves_all_faults(tmp_path, capsys):
     points, faults, settings = tmp_path / "list.csv", tmp_path / "faults.csv", tmp_path / "own.toml"
     settings.write_text(messy.SETTINGS, encoding="utf-8")
     points.write_bytes(messy.as_csv(messy.rows()[0]))
-    command = ["design", str(points), "--settings", str(settings), "--faults", str(faults)]
+    command = ["design", str(points), "--settings", str(settings), "--save-faults", str(faults)]
     assert main(command) == 2
     lines = capsys.readouterr().err.splitlines()
     assert any("rows 120 and 693, column Frame (F): 'FR 999' and 'FR x'; exp" in s for s in lines)
