@@ -112,17 +112,6 @@ def neither_fires_at(*, limit: float = 2.5) -> bool:
     return not fires(limit) and fires(limit - 0.01) and fires(limit + 0.01)
 
 
-@check("kim2014-061", counter={"sensors": ("FP", "OP", "MC", "VPos")})
-def has_both_limits(*, sensors: tuple[str, ...] = tuple(c.name for c in CHANNELS)) -> bool:
-    """Whether the rules have, for each sensor, one range above a limit and another below it."""
-    for sensor in sensors:
-        ranges = [term.crisp for term in BASE[sensor].terms]
-        upper = [one.low for one in ranges if np.isinf(one.high)]
-        if not any(one.high <= limit for limit in upper for one in ranges):
-            return False
-    return True
-
-
 # The test inputs of the second Table 1, each diagnosed by the rules as printed.
 
 #: Positions CLOSE and OPEN of the rule table, on the scale of section 3.2 [%].
@@ -133,7 +122,7 @@ _ROW_12 = float(rule_vectors("printed")["VPos"]["Pos4"])
 
 #: Ways to fill in the values that a row does not print: those of `rule_vectors`, and "held", in
 #: which they are absent, except that DVPos is 0 if the row prints a position, as if the valve were
-#: at rest. This does not apply to row 0, which prints the time of a movement.
+#: at rest. This does not apply to row 0, which also prints the time of a movement.
 READINGS = ("held", *FILLS)
 
 
@@ -208,7 +197,7 @@ def through_registers(code: str) -> str:
     return str(BASE.decide(tests, "crisp", applies={"DVPos": tests["DVPos"].notna()}).top[0])
 
 
-@check("kim2014-026", code="normal", channel="DVPos", value=11.0, counter={"value": 0.0})
+@check("kim2014-026", code="normal", channel="DVPos", value=0.0, counter={"value": 11.0})
 @check("kim2014-027", code="P1", channel="MC", value=4.0, counter={"value": 0.0})
 @check("kim2014-028", code="P2", channel="FP", value=2.0, counter={"value": 90.0})
 @check("kim2014-030", code="G1", channel="MC", value=0.0, counter={"value": 1.2})

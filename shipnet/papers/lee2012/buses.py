@@ -19,7 +19,6 @@ from shipnet.engine.points import read_points
 from shipnet.engine.simulation import simulate as simulate_engine
 from shipnet.engine.system import RULE, System
 from shipnet.errors import CrcError
-from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.frame import MAX_PDU
 from shipnet.modbus.pdu import ExceptionCode, FunctionCode, Request, Response, decode
 from shipnet.modbus.polling import Poll
@@ -112,9 +111,9 @@ def lowest_address(*, broadcast: int = 0) -> int:
 
 
 @numeric("lee2012-025")
-def most_slaves(*, unit_loads: int = INTERFACES["RS-485"].receivers, masters: int = 1) -> int:
-    """Largest number of slaves on a line without repeaters."""
-    return unit_loads - masters
+def highest_address() -> int:
+    """Highest unit id that a slave can have."""
+    return max(unit for unit in range(256) if is_legal(read(1).rtu, unit))
 
 
 @check("lee2012-026", counter={"master": JB1})
