@@ -19,7 +19,7 @@ import pytest
 from shipnet import parallel
 from shipnet.errors import ArgumentError
 from shipnet.parallel import spread
-from tests.support import require, two_workers
+from tests.support import PATIENCE, require, two_workers
 
 
 def cluster():
@@ -125,7 +125,7 @@ def working(failing=-1):
 
 def errors_at_end(program):
     """Wait until the program and its processes have closed their outputs; return the errors."""
-    return program.communicate(timeout=60)[1]
+    return program.communicate(timeout=PATIENCE)[1]
 
 
 @pytest.mark.parametrize("send", [os.kill, os.killpg], ids=["parent", "all"])
