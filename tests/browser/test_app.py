@@ -435,6 +435,21 @@ def test_a_page_opened_by_its_link_asks_once_for_its_widgets_and_ends_its_kernel
             pytest.fail("the kernel of the closed page still runs")
 
 
+def test_a_page_whose_tool_does_not_come_offers_to_start_it_again(page, tmp_path):
+    (folder := tmp_path / "tools").mkdir()
+    write(folder / "slow.ipynb", "import time; time.sleep(600)")
+    page.clock.install()
+    with served(folder, tmp_path, f"{launcher.PREHEAT}=False") as address:
+        link = f"{address}/voila/render/slow.ipynb?wait=1"
+        page.goto(link, wait_until="commit", timeout=LONG)
+        expect(page.get_by_role("status")).to_contain_text("is starting")
+        page.clock.fast_forward(31_000)
+        expect(page.get_by_role("status")).to_contain_text("has not started yet")
+        with page.expect_request(link):
+            page.get_by_role("link", name="Start it again").click()
+        page.goto("about:blank")
+
+
 def test_foreign_host_names_are_refused(app):
     with closing(HTTPConnection(app.removeprefix("http://"))) as connection:
         connection.request("GET", "/", headers={"Host": "foreign.example"})
