@@ -1,7 +1,7 @@
 // The drawing of the AS-i bench. While a device is dragged, its place goes to the kernel, one request
 // at a time; the newest place waits. All results come from the kernel, as text and as float32 arrays.
 
-const LEFT = 40, RIGHT = 18, CABLE = 68, STRIP = 150, HEIGHT = 204; // of the drawing [px]
+const LEFT = 40, RIGHT = 18, CABLE = 68, STRIP = 148, HEIGHT = 196; // of the drawing [px]
 const LANES = { scope: 10, supply: 29, master: 48, slave: 88 }; // y of a device; others are on the cable
 const SPUR = 1.2, LONGEST = 30; // px per metre, and longest spur that a drag makes [m]
 const ROUND = "M-6 0A6 6 0 1 0 6 0A6 6 0 1 0-6 0z", DOT = "M-3 0A3 3 0 1 0 3 0A3 3 0 1 0-3 0z";
@@ -51,12 +51,15 @@ function chart(svg, width, height, { title, note, bad, xs, ys, unit, lines, mark
   for (const { x, y, look } of lines) {
     let d = "", pen = "M";
     y.forEach((value, k) => {
-      if (!Number.isNaN(value)) d += `${pen}${px(x(k))} ${py(value)}`;
-      pen = Number.isNaN(value) ? "M" : "L";
+      const shown = x(k) <= xs[1] && !Number.isNaN(value);
+      if (shown) d += `${pen}${px(x(k))} ${py(value)}`;
+      pen = shown ? "L" : "M";
     });
     parts.push(path(d, `fill="none" ${look}`));
   }
-  for (const { x, y, shape, look } of marks) if (!Number.isNaN(y)) parts.push(path(shape, look, px(x), py(y)));
+  for (const { x, y, shape, look } of marks) {
+    if (x <= xs[1] && !Number.isNaN(y)) parts.push(path(shape, look, px(x), py(y)));
+  }
   svg.setAttribute("height", full);
   svg.setAttribute("aria-label", `${title}: ${note}`);
   svg.innerHTML = parts.join("");
@@ -94,7 +97,7 @@ function render({ model, el }) {
     [busy, waiting, since, asked] = [true, null, at, asked + 1];
     model.send({ asked, final, change });
   }
-  model.on("msg:custom", (message, buffers) => {
+  function receive(message, buffers) {
     const own = message.asked === asked;
     if (own) busy = false;
     fault.textContent = message.fault || "";
@@ -115,7 +118,7 @@ function render({ model, el }) {
       if (own) performance.measure("shipnet-bench", { start: since, detail: message.seconds });
     }
     if (waiting && !busy) send();
-  });
+  }
 
   // Pictures ---------------------------------------------------------------------------------
 
@@ -200,13 +203,13 @@ function render({ model, el }) {
       }));
     const least = Math.min(limits.volts, ...numbers("profile_V"));
     chart(volts, width(), 78, {
-      title: `Supply voltage [V], at least ${limits.volts} V`, note: `${slave}: ${answer.volts[own].toFixed(1)} V`,
+      title: `Supply voltage ≥ ${limits.volts} [V]`, note: `${slave}: ${answer.volts[own].toFixed(1)} V`,
       xs: [0, length()], ys: [[25, 20, 10].find((value) => value < least) ?? 0, 31], limits: [limits.volts],
       lines: every.map(([one, pin, dash]) => ({ x: (k) => one.profile_m[k], y: one.profile_V, look: pen(pin, dash, "first", 1.5) })),
       marks: dots([answer], "volts", DOT, "first", (value) => value < limits.volts),
     });
     chart(strengths, width(), 116, {
-      title: `Weakest pulse, at least ${limits.weakest} %; ringing, at most ${limits.ringing} % of the largest`,
+      title: `● weakest pulse ≥ ${limits.weakest}, ■ ringing ≤ ${limits.ringing} [% of the largest pulse]`,
       note: `${slave}: ${answer.weakest[own].toFixed(0)} % and ${answer.ringing[own].toFixed(0)} %`,
       xs: [0, length()], ys: [0, 100], unit: "m", limits: [limits.weakest, limits.ringing], lines: [],
       marks: every.flatMap((one) => [...dots(one, "weakest", DOT, "first", (value) => value < limits.weakest),
@@ -346,7 +349,9 @@ function render({ model, el }) {
     link.click();
   }
 
+  model.on("msg:custom", receive);
   ask(true, {});
+  return () => model.off("msg:custom", receive);
 }
 
 export default { render };

@@ -62,6 +62,12 @@ def test_a_repeater_divides_the_cable_and_each_part_needs_a_supply():
     assert supplied.broken() == [] and supplied.ok
 
 
+def test_places_are_rounded_to_the_centimetre_so_that_close_devices_share_a_node():
+    assert bench("3*slave@100").devices[3:] == ("slave@33.33", "slave@66.67", "slave@100")
+    close = bench("slave@50.001", "slave@49.999", length=50.004)
+    assert {slave.node for slave in close.plan.slaves} == {"50 m"} and close.length == 50
+
+
 def test_a_device_beyond_the_end_is_at_the_end():
     beyond, end = (bench(f"slave@{place}", length=50).wave.u for place in (300, 50))
     assert beyond == pytest.approx(end)
@@ -91,6 +97,16 @@ def test_the_scope_at_the_master_shows_what_the_plan_computes():
     computed = shown.plan.waveform(asi.Response(9), "80 m", **times)
     assert shown.wave.u == pytest.approx(computed.u) and shown.wave.start == computed.start
     assert shown.reading == "read 0100101: response: 1001 (9)"
+
+
+def test_a_resistor_at_the_end_absorbs_the_echo_and_a_terminator_is_the_makers():
+    resistor = bench("slave@5", "resistor@300", length=300)
+    judged = asi.line(300, [5], terminator=100).check().table()
+    (ringing,) = judged.loc[judged["rule"] == "ringing", "value"]
+    assert resistor.strengths.ringing == pytest.approx([ringing])
+    assert resistor.reading.startswith("read 0011001")
+    (plug,) = bench("slave@5", "terminator@300", length=300).plan.terminators
+    assert plug == asi.Terminator("300 m")
 
 
 def test_slave_and_scope_can_change_places_if_no_load_moves():
