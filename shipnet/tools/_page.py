@@ -105,6 +105,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         self.drawing = drawing
         if drawing is not None:
             drawing.on_release = self._change
+            self.add_class("shipnet-drawn")
         figure = self.figure if drawing is None else drawing
         answer = widgets.VBox([self._shown, _classed(figure, "shipnet-figure")])
         stage = [_classed(answer, "shipnet-answer"), _classed(widgets.VBox(panel), "shipnet-panel")]

@@ -4,8 +4,8 @@
 const LEFT = 40, RIGHT = 18, CABLE = 68, STRIP = 148, HEIGHT = 196; // of the drawing [px]
 const LANES = { scope: 10, supply: 29, master: 48, slave: 88 }; // y of a device; others are on the cable
 const SPUR = 1.2, LONGEST = 30; // px per metre, and longest spur that a drag makes [m]
-const ROUND = "M-6 0A6 6 0 1 0 6 0A6 6 0 1 0-6 0z", DOT = "M-3 0A3 3 0 1 0 3 0A3 3 0 1 0-3 0z";
-const SQUARE = "M-3-3H3V3H-3z", CROSS = "M-3-3L3 3M3-3L-3 3";
+const ROUND = "M-6 0A6 6 0 1 0 6 0A6 6 0 1 0-6 0z";
+const DOT = "m-3 0a3 3 0 1 0 6 0a3 3 0 1 0-6 0z", SQUARE = "m-3-3h6v6h-6z", CROSS = "m-3-3l6 6m0-6l-6 6";
 const SHAPES = {
   scope: "M0 8L-6-1V-8H6V-1z", supply: "M0 8L-9-7H9z", master: "M-7-7H7V7H-7z", slave: ROUND,
   repeater: "M0-11L11 0 0 11-11 0z", terminator: "M-4-11H4V11H-4z", resistor: "M-4-11H4V11H-4z",
@@ -33,32 +33,27 @@ function ticks([low, high], most) {
   return Array.from({ length: last - first + 1 }, (_, k) => +((first + k) * step).toPrecision(6));
 }
 
-// Draw a chart: `lines` have x(k), y and a look, `marks` x, y, a shape and a look.
+// Draw a chart: `lines` have x(k), y and a look; `marks` have points, a shape and a look.
 function chart(svg, width, height, { title, note, bad, xs, ys, unit, lines, marks, limits }) {
   const narrow = width < 560, top = narrow ? 34 : 20, full = height + top - 20;
   const low = full - (unit ? 18 : 4), right = width - RIGHT;
   const px = (x) => (LEFT + (x - xs[0]) / (xs[1] - xs[0]) * (right - LEFT)).toFixed(1);
   const py = (y) => (low - (clip(y, ...ys) - ys[0]) / (ys[1] - ys[0]) * (low - top)).toFixed(1);
+  const shown = (x, y) => x <= xs[1] && !Number.isNaN(y);
+  const columns = ticks(xs, width / 80), rows = ticks(ys, (low - top) / 22), across = (y) => `M${LEFT} ${py(y)}H${right}`;
   const parts = [words(0, 12, title), words(narrow ? 0 : right, narrow ? 26 : 12, note,
-    `text-anchor="${narrow ? "start" : "end"}" fill="${color(bad ? "bad" : "ink")}"`), unit ? words(0, low + 14, unit) : ""];
-  for (const x of ticks(xs, width / 80)) {
-    parts.push(stroke(`M${px(x)} ${top}V${low}`, "line"), unit ? words(px(x), low + 14, x, 'text-anchor="middle"') : "");
-  }
-  for (const y of ticks(ys, (low - top) / 22)) {
-    parts.push(stroke(`M${LEFT} ${py(y)}H${right}`, "line"), words(LEFT - 6, +py(y) + 4, y, 'text-anchor="end"'));
-  }
-  for (const y of limits) parts.push(stroke(`M${LEFT} ${py(y)}H${right}`, "bad", 'stroke-dasharray="5 3"'));
+    `text-anchor="${narrow ? "start" : "end"}" fill="${color(bad ? "bad" : "ink")}"`),
+  stroke([...columns.map((x) => `M${px(x)} ${top}V${low}`), ...rows.map(across)].join(""), "line"),
+  stroke(limits.map(across).join(""), "bad", 'stroke-dasharray="5 3"'),
+  ...rows.map((y) => words(LEFT - 6, +py(y) + 4, y, 'text-anchor="end"'))];
+  if (unit) parts.push(words(0, low + 14, unit), ...columns.map((x) => words(px(x), low + 14, x, 'text-anchor="middle"')));
   for (const { x, y, look } of lines) {
-    let d = "", pen = "M";
-    y.forEach((value, k) => {
-      const shown = x(k) <= xs[1] && !Number.isNaN(value);
-      if (shown) d += `${pen}${px(x(k))} ${py(value)}`;
-      pen = shown ? "L" : "M";
-    });
-    parts.push(path(d, `fill="none" ${look}`));
+    const point = (value, k) => (shown(x(k), value) ? `${k && shown(x(k), y[k - 1]) ? "L" : "M"}${px(x(k))} ${py(value)}` : "");
+    parts.push(path(Array.from(y, point).join(""), `fill="none" ${look}`));
   }
-  for (const { x, y, shape, look } of marks) {
-    if (x <= xs[1] && !Number.isNaN(y)) parts.push(path(shape, look, px(x), py(y)));
+  for (const { points, shape, look } of marks) {
+    const visible = points.filter(([x, y]) => shown(x, y));
+    parts.push(path(visible.map(([x, y]) => `M${px(x)} ${py(y)}${shape}`).join(""), look));
   }
   svg.setAttribute("height", full);
   svg.setAttribute("aria-label", `${title}: ${note}`);
@@ -69,7 +64,7 @@ function render({ model, el }) {
   const { limits, kinds } = model.get("legend");
   const state = { devices: [], sender: 1 }; // as drawn, which may be ahead of the last answer
   let answer = null, broken = [], pins = [], spots = [], drag = null, chosen = 0;
-  let asked = 0, busy = false, waiting = null, since = 0;
+  let asked = 0, busy = false, waiting = null, since = 0, width = 800;
 
   el.classList.add("shipnet-bench");
   el.innerHTML = `<div class="shipnet-row" role="toolbar" aria-label="Change the devices"></div>
@@ -77,8 +72,8 @@ function render({ model, el }) {
     <p class="shipnet-fault" role="alert"></p><svg role="img"></svg><svg role="img"></svg><svg role="img"></svg><div></div>`;
   const [bar, cable, fault, volts, strengths, wave, pinned] = el.children;
   const [base, devices, strip] = cable.children;
-  const width = () => Math.max(300, el.clientWidth), length = () => answer.state.length;
-  const px = (metre) => LEFT + Math.min(metre, length()) / length() * (width() - LEFT - RIGHT);
+  const length = () => answer.state.length;
+  const px = (metre) => LEFT + Math.min(metre, length()) / length() * (width - LEFT - RIGHT);
   const slaves = () => state.devices.flatMap(({ kind }, k) => (kind === "slave" ? [k] : []));
   const places = (kind) => state.devices.filter((one) => one.kind === kind).map((one) => one.place);
   const name = (k) => {
@@ -113,7 +108,7 @@ function render({ model, el }) {
         state.devices = answer.state.devices.map(read);
         state.sender = answer.sending + 1;
       }
-      el.classList.toggle("shipnet-moving", !message.broken);
+      el.closest(".shipnet-page").classList.toggle("shipnet-moving", !message.broken);
       draw();
       if (own) performance.measure("shipnet-bench", { start: since, detail: message.seconds });
     }
@@ -135,9 +130,10 @@ function render({ model, el }) {
 
   function drawCable() {
     const ends = [0, ...places("repeater").sort((a, b) => a - b), length()];
-    const parts = ticks([0, length()], width() / 80).map((x) => stroke(`M${px(x)} 20V${HEIGHT - 16}`, "line")
-      + words(px(x), HEIGHT - 3, x, 'text-anchor="middle"'));
-    parts.push(words(0, HEIGHT - 3, "m"), words(0, CABLE + 4, "cable"));
+    const columns = ticks([0, length()], width / 80);
+    const parts = [words(0, HEIGHT - 3, "m"), words(0, CABLE + 4, "cable"),
+      stroke(columns.map((x) => `M${px(x)} 20V${HEIGHT - 16}`).join(""), "line"),
+      ...columns.map((x) => words(px(x), HEIGHT - 3, x, 'text-anchor="middle"'))];
     ends.slice(1).forEach((end, k) => {
       const bad = broken.some((rule) => rule.stretches.some(([a, b]) => a <= ends[k] && end <= b));
       parts.push(stroke(`M${px(ends[k])} ${CABLE}H${px(end)}`, bad ? "bad" : "cable", 'stroke-width="6"'));
@@ -164,7 +160,7 @@ function render({ model, el }) {
     const order = [...spots.keys()].sort((a, b) => spots[a][0] - spots[b][0]);
     for (const k of order) {
       const [x, y] = spots[k], { kind, place, spur } = state.devices[k], nth = slaves().indexOf(k);
-      const sends = nth === state.sender - 1, late = x > width() - 90, unknown = Number.isNaN(answer.weakest[nth]);
+      const sends = nth === state.sender - 1, late = x > width - 90, unknown = Number.isNaN(answer.weakest[nth]);
       const weak = answer.weakest[nth] < limits.weakest || answer.ringing[nth] > limits.ringing || answer.volts[nth] < limits.volts;
       const bad = weak || broken.some((rule) => rule.devices.includes(k));
       let label = "";
@@ -186,7 +182,7 @@ function render({ model, el }) {
       if (group.content !== content) group.innerHTML = group.content = content;
     }
     strip.innerHTML = broken.slice(0, 3).map(({ text, devices: where, stretches: [[a, b] = [0, 0]] }, row) => {
-      const [x, from] = spots[where[0]] ?? [(px(a) + px(b)) / 2, CABLE], late = x > width() / 2, y = STRIP + 13 * row;
+      const [x, from] = spots[where[0]] ?? [(px(a) + px(b)) / 2, CABLE], late = x > width / 2, y = STRIP + 13 * row;
       return stroke(`M${x} ${from + 9}V${y}`, "bad", 'stroke-dasharray="2 2"')
         + words(late ? x - 5 : x + 5, y, `${row + 1}. ${text.split(":")[0]}`, `fill="${color("bad")}" text-anchor="${late ? "end" : "start"}"`);
     }).join("");
@@ -196,19 +192,22 @@ function render({ model, el }) {
     const every = [...pins.map((pin, k) => [pin, ...PINS[k]]), [answer]], own = answer.sending, slave = `slave ${answer.labels[own]}`;
     const pen = (pin, dash, name, wide) => `stroke="${pin ?? color(name)}" stroke-dasharray="${dash ?? ""}" stroke-width="${wide}"`;
     const numbers = (key) => every.flatMap(([one]) => [...one[key]]).filter((value) => !Number.isNaN(value));
-    const dots = ([one, pin], key, shape, name, bad) => one.state.devices.map(read).filter(({ kind }) => kind === "slave")
-      .map(({ place }, k) => ({
-        x: Math.min(place, one.state.length), y: one[key][k], shape: !pin && bad(one[key][k]) ? CROSS : shape,
-        look: pin ? `fill="none" stroke="${pin}"` : bad(one[key][k]) ? pen(color("bad"), "", "", 2) : `fill="${color(name)}"`,
-      }));
+    // Values beyond a limit are crosses, but not those of pinned states.
+    const dots = ([one, pin], key, shape, name, bad) => {
+      const placed = one.state.devices.map(read).filter(({ kind }) => kind === "slave");
+      const points = placed.map(({ place }, k) => [Math.min(place, one.state.length), one[key][k]]);
+      if (pin) return [{ points, shape, look: `fill="none" stroke="${pin}"` }];
+      return [{ points: points.filter(([, y]) => !bad(y)), shape, look: `fill="${color(name)}"` },
+        { points: points.filter(([, y]) => bad(y)), shape: CROSS, look: pen(color("bad"), "", "", 2) }];
+    };
     const least = Math.min(limits.volts, ...numbers("profile_V"));
-    chart(volts, width(), 78, {
+    chart(volts, width, 78, {
       title: `Supply voltage ≥ ${limits.volts} [V]`, note: `${slave}: ${answer.volts[own].toFixed(1)} V`,
       xs: [0, length()], ys: [[25, 20, 10].find((value) => value < least) ?? 0, 31], limits: [limits.volts],
       lines: every.map(([one, pin, dash]) => ({ x: (k) => one.profile_m[k], y: one.profile_V, look: pen(pin, dash, "first", 1.5) })),
       marks: dots([answer], "volts", DOT, "first", (value) => value < limits.volts),
     });
-    chart(strengths, width(), 116, {
+    chart(strengths, width, 116, {
       title: `● weakest pulse ≥ ${limits.weakest}, ■ ringing ≤ ${limits.ringing} [% of the largest pulse]`,
       note: `${slave}: ${answer.weakest[own].toFixed(0)} % and ${answer.ringing[own].toFixed(0)} %`,
       xs: [0, length()], ys: [0, 100], unit: "m", limits: [limits.weakest, limits.ringing], lines: [],
@@ -217,13 +216,15 @@ function render({ model, el }) {
     });
     const time = (one) => (k) => one.start_us + one.step_us * k, peak = Math.max(0, ...numbers("line").map(Math.abs));
     const range = [4, 8, 16, 32].find((value) => value >= peak) ?? 64;
-    chart(wave, width(), 142, {
+    chart(wave, width, 142, {
       title: `Response of ${slave} at the scope [V]`, note: answer.reading, bad: !answer.read_well,
       xs: [answer.start_us, time(answer)(answer.line.length - 1)], ys: [-range, range], unit: "us", limits: [],
       lines: [{ x: time(answer), y: answer.line, look: pen(null, null, "pale", 1) },
         ...every.map(([one, pin, dash]) => ({ x: time(one), y: one.filtered, look: pen(pin, dash, "first", 2) }))],
-      marks: [...answer.look_us].map((x, k) => ({ x, y: answer.look_V[k], shape: answer.filled[k] ? DOT : CROSS,
-        look: `fill="${color("second")}" stroke="${color("second")}"` })),
+      marks: [DOT, CROSS].map((shape) => ({
+        shape, look: `fill="${color("second")}" stroke="${color("second")}"`,
+        points: [...answer.look_us].flatMap((x, k) => (answer.filled[k] ? shape === DOT : shape === CROSS) ? [[x, answer.look_V[k]]] : []),
+      })),
     });
   }
 
@@ -257,7 +258,7 @@ function render({ model, el }) {
     if (!drag) return;
     // A small movement up or down does not change a spur.
     const down = event.clientY - drag.y, beyond = Math.sign(down) * Math.max(0, Math.abs(down) - 8);
-    const across = (event.clientX - drag.x) / (width() - LEFT - RIGHT) * length();
+    const across = (event.clientX - drag.x) / (width - LEFT - RIGHT) * length();
     move(drag.metre + across, drag.spur + beyond / SPUR, event.timeStamp);
   };
   cable.onpointerup = cable.onpointercancel = () => {
@@ -284,7 +285,10 @@ function render({ model, el }) {
   devices.addEventListener("keyup", (event) => {
     if (/^(Arrow|Page|Home|End)/.test(event.key)) ask(true);
   });
-  new ResizeObserver(() => answer && draw()).observe(el);
+  new ResizeObserver(() => {
+    width = Math.max(300, el.clientWidth);
+    if (answer) draw();
+  }).observe(el);
 
   // Buttons ----------------------------------------------------------------------------------
 
@@ -339,7 +343,7 @@ function render({ model, el }) {
   function save() {
     const style = getComputedStyle(el), svgs = [cable, volts, strengths, wave], heights = svgs.map((svg) => +svg.getAttribute("height") + 8);
     const parts = svgs.map((svg, k) => `<g transform="translate(0 ${heights.slice(0, k).reduce((a, b) => a + b, 0)})">${svg.innerHTML}</g>`);
-    const whole = `<svg xmlns="${cable.namespaceURI}" width="${width()}" height="${heights.reduce((a, b) => a + b)}" font-family="sans-serif"
+    const whole = `<svg xmlns="${cable.namespaceURI}" width="${width}" height="${heights.reduce((a, b) => a + b)}" font-family="sans-serif"
       font-size="11" fill="${color("ink")}">${path("M0 0H9999V9999H0z", `fill="${color("paper")}"`)}${parts.join("")}</svg>`;
     // A file has no style sheet, so the colours are written out.
     const text = whole.replace(/var\((--[\w-]+)\)/g, (_, variable) => style.getPropertyValue(variable));
