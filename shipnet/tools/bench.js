@@ -208,7 +208,7 @@ function render({ model, el }) {
       marks: dots([answer], "volts", DOT, "first", (value) => value < limits.volts),
     });
     chart(strengths, width, 116, {
-      title: `● weakest pulse ≥ ${limits.weakest}, ■ ringing ≤ ${limits.ringing} [% of the largest pulse]`,
+      title: `● weakest pulse ≥ ${limits.weakest} %, ■ ringing ≤ ${limits.ringing} %`,
       note: `${slave}: ${answer.weakest[own].toFixed(0)} % and ${answer.ringing[own].toFixed(0)} %`,
       xs: [0, length()], ys: [0, 100], unit: "m", limits: [limits.weakest, limits.ringing], lines: [],
       marks: every.flatMap((one) => [...dots(one, "weakest", DOT, "first", (value) => value < limits.weakest),
@@ -286,7 +286,7 @@ function render({ model, el }) {
     if (/^(Arrow|Page|Home|End)/.test(event.key)) ask(true);
   });
   new ResizeObserver(() => {
-    width = Math.max(300, el.clientWidth);
+    width = Math.max(240, el.clientWidth);
     if (answer) draw();
   }).observe(el);
 
