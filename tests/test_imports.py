@@ -49,8 +49,7 @@ def test_an_entry_point_loads_no_more_than_it_needs(statement, modules):
 
 #: What the page of each tool loads beside that.
 MORE = {
-    "AsiLine": [],
-    "AsiNetwork": ["numba", "pandas", "scipy"],
+    "AsiBench": ["numba", "pandas", "scipy"],
     "CanLoad": ["pandas"],
     "EngineFaults": ["pandas"],
     "ModbusScan": ["pandas"],

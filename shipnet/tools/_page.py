@@ -49,7 +49,8 @@ class Page(widgets.VBox):  # type: ignore[misc]
     """The page of a tool: controls, verdict, figure, and a state that can be shared.
 
     `see` returns the view for given inputs; the default is the tool's own `_view`. `folds` maps
-    titles to the controls that are folded under them. Each example state in pages.toml has a
+    titles to the controls that are folded under them. A `drawing` takes the place of the figure:
+    the page calls its `show`, and sets its `on_release`. Each example state in pages.toml has a
     button; with `story`, the page opens on the first example.
     """
 
@@ -63,6 +64,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         uploads: Sequence[Upload] = (),
         extras: Sequence[widgets.Widget] = (),
         folds: Mapping[str, Sequence[str]] = {},
+        drawing: Any = None,
         story: bool = False,
     ) -> None:
         self._kind = type(start)
@@ -100,8 +102,15 @@ class Page(widgets.VBox):  # type: ignore[misc]
         for name, button in self.stories.items():
             button.on_click(lambda _, name=name: self._show_story(name))
         tries = widgets.HBox([widgets.HTML("Try:"), *self.stories.values(), self._look])
-        answer = widgets.VBox([self._shown, _classed(self.figure, "shipnet-figure")])
+        self.drawing = drawing
+        if drawing is not None:
+            drawing.on_release = self._change
+            self.add_class("shipnet-drawn")
+        figure = self.figure if drawing is None else drawing
+        answer = widgets.VBox([self._shown, _classed(figure, "shipnet-figure")])
         stage = [_classed(answer, "shipnet-answer"), _classed(widgets.VBox(panel), "shipnet-panel")]
+        # Beside a drawing, which is high, there is room for the numbers.
+        beside, below = ([self._details], []) if drawing is not None else ([], [self._details])
         # Set by the web page when it is shown: the query of its link, and whether it is narrow.
         self.query, self.narrow = (widgets.Text(continuous_update=False) for _ in range(2))
         self.query.observe(
@@ -115,9 +124,9 @@ class Page(widgets.VBox):  # type: ignore[misc]
             [
                 _classed(widgets.HTML(f"<style>{style}</style>"), "shipnet-style"),
                 *([_classed(tries, "shipnet-tries")] if self.stories else []),
-                _classed(widgets.HBox(stage), "shipnet-stage"),
+                _classed(widgets.HBox([stage[0], *beside, stage[1]]), "shipnet-stage"),
                 widgets.HTML('<div class="shipnet-spinner" role="status">computing ...</div>'),
-                self._details,
+                *below,
                 _classed(foot, "shipnet-foot"),
             ]
         )
@@ -136,16 +145,20 @@ class Page(widgets.VBox):  # type: ignore[misc]
         """Compute and show the view of the current inputs."""
         with self._busy():
             save = '<a class="shipnet-button" aria-disabled="true">save state</a>'
-            link = ""
+            link, figure = "", None
             try:
                 inputs = self.inputs
                 state = _view.write_state(self.tool, inputs)
                 save = _view.download_link("save state", f"shipnet_{self.tool}.json", state)
                 link = _view.write_link(inputs)
                 view = self._see(inputs)
-                figure = view.figure(self._sheet, narrow=bool(self.narrow.value))
+                if self.drawing is None:
+                    figure = view.figure(self._sheet, narrow=bool(self.narrow.value))
+                else:
+                    self.drawing.show(inputs)
+                    figure = ""
             except Exception as problem:  # any error is shown as a message
-                view, figure = View(verdict=_lines(problem), ok=False), ""
+                view = View(verdict=_lines(problem), ok=False)
             self.text, self.ok = str(view), view.ok
             # Set before the verdict, so that a user who sees the verdict can save its state.
             links = (
@@ -154,7 +167,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
             )
             self.links.value = " ".join([save, link, *links])
             self._shown.value, self._details.value = view.answer, view.details
-            self._mark("shipnet-stale", not figure)
+            self._mark("shipnet-stale", figure is None)
             self.figure.value = figure or self.figure.value
 
     def _on_change(self) -> None:
