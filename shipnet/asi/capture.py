@@ -499,6 +499,7 @@ class Capture:
         """
         return _counted(self)
 
+    @style.applied
     def plot(
         self, ax: Axes | None = None, *, start: float = 0.0, stop: float | None = None
     ) -> Axes:

@@ -486,6 +486,7 @@ class Plan:
         busy = max(cycle.bus_time for cycle in cycles)
         return Utilisation(busy, float(np.max(shares)), float(worst))
 
+    @style.applied
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the plan with cable lengths to scale; slaves that violate a rule are red crosses.
 
@@ -613,6 +614,7 @@ class Comparison:
         """True for each plan whose slaves all meet the tolerances of evenness and ringing."""
         return np.array([bool(one.within_tolerance.all()) for one in self.qualities.values()])
 
+    @style.applied
     def plot(self, ax: Axes | None = None, *, label: str = "", **line: Any) -> Axes:
         """Plot weakest pulse and ringing over the names if all are numbers, else over 1, 2, ..."""
         names = list(self.qualities)

@@ -112,6 +112,7 @@ class Reception(NamedTuple):
         even = (self.weakest >= TOLERANCE.evenness) & (self.ringing <= TOLERANCE.ringing)
         return np.asarray((self.error == 0) & even)
 
+    @style.applied
     def plot(
         self, wave: Waveform, ax: Axes | None = None, *, receiver: Receiver | None = None
     ) -> Axes:
@@ -476,6 +477,7 @@ class Eye(NamedTuple):
     pulses: Floats  # half-bits with a pulse, all made positive, shape (n_pulses, n)
     gaps: Floats  # half-bits without a pulse after the first pulse, shape (n_gaps, n)
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw all half-bits superimposed, with the tolerances, as in icn2007's Fig 8."""
         ax = style.axes(ax)

@@ -208,6 +208,7 @@ class Run:
         counts = pd.DataFrame({"exchanges": by.size(), "failed": by.sum()})
         return counts.join(self.response_times())
 
+    @style.applied
     def plot(
         self,
         where: str | None = None,

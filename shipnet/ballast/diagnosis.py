@@ -145,6 +145,7 @@ class Run:
         """
         return diagnose_run(self, rules, method=method, k=k, n=n, threshold=threshold)
 
+    @style.applied
     def plot(self, valve: int = 1, ax: Axes | None = None) -> Axes:
         """Draw a valve's readings over time in percent of full scale, as in Figure 12."""
         ax = style.axes(ax)
@@ -371,6 +372,7 @@ class Diagnosis:
         new = self.onset[:, self._place(valve)]
         return int(new.sum() if code is None else new[:, self._column(code)].sum())
 
+    @style.applied
     def plot(self, valve: int | None = None, ax: Axes | None = None) -> Axes:
         """Draw the greatest firing strength of each rule, and the diagnosis, as in Figure 13.
 

@@ -151,6 +151,7 @@ class Screen:
         states = ", ".join(f"{counts[name]} {name}" for name in STATES if name in counts)
         return f"Screen({self.time:.1f} s: {states})"
 
+    @style.applied
     def plot(
         self, selected: int | None = None, ax: Axes | None = None, *, columns: int = 32
     ) -> Axes:

@@ -141,6 +141,7 @@ class Trials:
         counts = pd.crosstab(rows["fault"], rows["top_fault"])
         return counts.reindex(index=faults, columns=order, fill_value=0)
 
+    @style.applied
     def plot(self, method: str = "fuzzy", ax: Axes | None = None) -> Axes:
         """Draw the confusion matrix in percent of each row."""
         table = self.confusion(method)
@@ -498,6 +499,7 @@ class FleetReport:
         low, high = event_interval(len(self.false_alarms()), years, confidence=confidence)
         return float(low), float(high)
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw when each fault appeared, when it was reported, and when its valve was moved."""
         ax = style.axes(ax)

@@ -321,6 +321,7 @@ class Capture:
         table["load"] = table["bits"] / (self.bit_rate * self.duration)
         return table
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the frames over time, with one row per identifier and one row for faulty frames."""
         ax, table = style.axes(ax), self._table

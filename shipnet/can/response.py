@@ -356,6 +356,7 @@ class ResponseTimes(Named[ResponseTime]):
         # Rounding removes the errors from the multiplication by 1e3.
         return table.round(9)
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the longest response of each message as a dot, connected to its deadline."""
         table, ax = self.table(), style.axes(ax, figsize=style.size(len(self)))

@@ -168,6 +168,7 @@ class Run:
             index=pd.Index(self._columns.senders, name="sender", dtype=object),
         )
 
+    @style.applied
     def plot(self, start: float = 0.0, stop: float | None = None, ax: Axes | None = None) -> Axes:
         """Draw the frames on the bus from `start` to `stop` [s], with one lane per message."""
         frames, errors = self._events, self.errors()

@@ -431,6 +431,7 @@ class Tornado:
         """Return, per assumption, the figure with the assumption low and high, and the swing."""
         return self.every.copy()
 
+    @style.applied
     def plot(self, ax: Axes | None = None, *, rows: int = 8) -> Axes:
         """Draw the assumptions with the largest swing, the longest bar on top."""
         ax, names = style.axes(ax), self.top(rows)

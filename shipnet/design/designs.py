@@ -140,6 +140,7 @@ class Design(Layout):
         """
         tables.save_files(folder, self.files())
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the design from above: cabinet, devices, points, and the cables between them."""
         ax = style.axes(ax)

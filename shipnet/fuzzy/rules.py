@@ -257,6 +257,7 @@ class RuleBase:
                 rows.append((a, b, "equal" if of_a == both == of_b else one_way))
         return pd.DataFrame(rows, columns=["a", "b", "relation"])
 
+    @style.applied
     def plot_overlaps(self, ax: Axes | None = None) -> Axes:
         """For each row's rule, draw the % of its regions in which each column's rule also fires."""
         ax = style.axes(ax)
@@ -446,6 +447,7 @@ class Firing:
         active = persistent(fires, k, n)
         return Decision(self, float(threshold), active, undecided(fires, could, k, n))
 
+    @style.applied
     def plot(self, labels: Sequence[object] | None = None, ax: Axes | None = None) -> Axes:
         """Draw the strengths as a matrix with one row per rule and one column per sample."""
         if self.strength.ndim > 2:

@@ -224,6 +224,7 @@ class Scan:
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("bit_rate").dropna(axis="columns")
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the scan time over the bit rate, with the limit."""
         ax, times = style.axes(ax), self.table()["scan_s"]

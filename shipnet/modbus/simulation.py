@@ -234,6 +234,7 @@ class Run:
         worst = (good["end_s"] - good.groupby("slave")["start_s"].shift()).max()
         return Utilisation(busy / float(events["end_s"].max()), capacity, float(worst))
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the frames at both ports; return the axes.
 

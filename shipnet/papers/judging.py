@@ -129,6 +129,7 @@ class Ledger:
         columns = ["where", "claim", "published", "verdict", "holds_under", "corrected", "note"]
         return self.judged().query("verdict != 'agrees'")[columns]
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the number of claims of each paper by treatment; numbers below 4 have no label."""
         ax, counts = style.axes(ax), self.counts()
