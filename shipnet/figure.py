@@ -5,12 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.resources import as_file, files
-from io import StringIO
+from io import BytesIO, StringIO
 from typing import Any
 
+import numpy as np
 from matplotlib import rc_context, rcParams, style
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from PIL import Image
+
+from shipnet.errors import ArgumentError
+
+#: Without these, an SVG file does not change from one run to the next.
+_TIMELESS: Any = {"Date": None, "Creator": None}
 
 
 @contextmanager
@@ -43,5 +52,39 @@ def svg(draw: Callable[[Axes], object], *, width: float = 6.4, height: float = 3
         figure = Figure(figsize=(width, height))
         draw(figure.add_subplot())
         stream = StringIO()
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+        figure.savefig(stream, format="svg", metadata=_TIMELESS)
     return stream.getvalue()
+
+
+#: Size of a small figure [inch], its tallest height, and the most bytes that it may have.
+_SMALL, _TALLEST, _MOST_BYTES = (6.4, 2.6), 6.4, 30_000
+
+
+def small(draw: Callable[[Axes], object]) -> tuple[str, bytes]:
+    """Return a small figure as SVG or, if that has too many bytes, as PNG, with its media type.
+
+    The same drawing always gives the same bytes. A figure too large in either form is refused.
+    """
+    with house(), rc_context({"svg.hashsalt": "shipnet", "svg.fonttype": "none"}):
+        figure = Figure(figsize=_SMALL)
+        ax = figure.subplots()
+        draw(ax)
+        height = max(_SMALL[1], 0.8 + 1.4 / 72 * rcParams["font.size"] * len(ax.get_yticks()))
+        if height > _TALLEST:
+            raise ArgumentError(f"its {len(ax.get_yticks())} rows need a larger figure")
+        figure.set_figheight(height)
+        canvas: Any = FigureCanvasSVG(figure)
+        file = BytesIO()
+        canvas.print_svg(file, metadata=_TIMELESS)  # `savefig` would draw twice
+        if file.tell() <= _MOST_BYTES:
+            return "image/svg+xml", file.getvalue()
+        figure.set_layout_engine("none")  # the layout stays as it is
+        figure.set_dpi(120)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        file = BytesIO()
+        image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+        image.quantize(32).save(file, "png", optimize=True)
+    if file.tell() > _MOST_BYTES:
+        raise ArgumentError(f"its {file.tell()} bytes need a larger figure")
+    return "image/png", file.getvalue()

@@ -41,6 +41,7 @@ from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.timing import ADDRESSES, Cycle, Direction, ResponseTime, Transaction, polling_cycle
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.line.network import CableRun, Network
 from shipnet.line.waveform import Waveform as LineWaveform
@@ -157,6 +158,11 @@ class Plan:
 
     def __repr__(self) -> str:
         return f"<Plan: {'; '.join([str(self), *self.remarks])}>"
+
+    def _repr_html_(self) -> str:
+        rows = [(str(one), one.length, one.reach, len(one.slaves)) for one in self.segments]
+        table = pd.DataFrame(rows, columns=["segment", "length_m", "reach_m", "slaves"])
+        return as_html(self, table=table.set_index("segment"))
 
     # Structure ---------------------------------------------------------------------------------
 
@@ -599,6 +605,10 @@ class Comparison:
     def __repr__(self) -> str:
         good = int(self.within_tolerance.sum())
         return f"<Comparison: {len(self.qualities)} plans, {good} within tolerance>"
+
+    def _repr_html_(self) -> str:
+        rows = self.table().sort_values("evenness")
+        return as_html(self, rows, ok=bool(self.within_tolerance.all()))
 
     def table(self) -> pd.DataFrame:
         """Return the worst values of all slaves, one row per plan."""

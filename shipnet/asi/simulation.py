@@ -24,6 +24,7 @@ from shipnet.asi.timing import ADDRESSES, Transaction, exchanges, transfers_valu
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.fields import check_fields, check_rng, check_scalar, check_whole, number, part, record
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 
 
@@ -142,6 +143,9 @@ class Run:
             f"<Run: {summary.cycles} cycles of {1e3 * summary.cycle_time[1]:.2f} ms, "
             f"{summary.dropped} slaves dropped>"
         )
+
+    def _repr_html_(self) -> str:
+        return as_html(self, self.table().sort_values("failed", ascending=False, kind="stable"))
 
     @cached_property
     def _events(self) -> pd.DataFrame:

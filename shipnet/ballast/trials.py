@@ -26,6 +26,7 @@ from shipnet.fields import check_choice, check_rng, check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
 from shipnet.fuzzy.rules import draw_matrix
 from shipnet.fuzzy.terms import NORMAL, UNDETERMINED
+from shipnet.html import as_html
 from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
 
@@ -104,6 +105,10 @@ class Trials:
         share = self.rows.groupby("method", sort=False)["isolated"].mean()
         isolated = ", ".join(f"{name} {100 * x:.0f} %" for name, x in share.items())
         return f"Trials({len(self.rows) // max(len(share), 1)} valves, isolated: {isolated})"
+
+    def _repr_html_(self) -> str:
+        rates = self.rates()[["n", "detected", "named", "isolated", "isolability", "sensitivity"]]
+        return as_html(self, table=rates.sort_values("isolated", kind="stable"))
 
     def table(self) -> pd.DataFrame:
         """Return one row per trial and method, as a copy."""
@@ -492,6 +497,9 @@ class FleetReport:
             f"{table['named'].sum()} named, {isolated} isolated; "
             f"{len(self.false_alarms())} false alarms"
         )
+
+    def _repr_html_(self) -> str:
+        return as_html(self, table=self.faults())
 
     def false_alarm_rate(self, confidence: float = 0.95) -> tuple[float, float]:
         """Return the confidence interval of the false alarm rate per valve and year."""

@@ -25,6 +25,7 @@ from shipnet.clock import NEVER, nanoseconds
 from shipnet.compiled import MANY, compiled
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, record, switch
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 
 
@@ -334,6 +335,16 @@ class ResponseTimes(Named[ResponseTime]):
         late = f"{len(self.late)} late" if self.late else "all in time"
         rate = f"{self.bit_rate / 1e3:g} kbit/s"
         return f"ResponseTimes({len(self)} messages at {rate}, {late}, critical: {self.critical})"
+
+    def _repr_html_(self) -> str:
+        return as_html(self, self.tightest, ok=self.met)
+
+    @property
+    def tightest(self) -> pd.DataFrame:
+        """Rows of `table` with times, the highest ratio of response to deadline first."""
+        rows = self.table()[["response_ms", "deadline_ms", "slack_ms", "met"]]
+        ratio = rows["response_ms"] / rows["deadline_ms"]
+        return rows.loc[ratio.sort_values(ascending=False).index]
 
     def table(self) -> pd.DataFrame:
         """Return one row per message, indexed by name, including the bus load that it causes."""

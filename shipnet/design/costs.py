@@ -19,6 +19,7 @@ from shipnet.design.layout import Layout
 from shipnet.design.plot import plot_ranges
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng, check_whole
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 
 
@@ -233,6 +234,9 @@ class Quantities:
             f"{self['cable_length_km']:.2f} km, {cost['nominal'] / 1e3:.0f} kEUR "
             f"({cost['low'] / 1e3:.0f} to {cost['high'] / 1e3:.0f}){left_out}>"
         )
+
+    def _repr_html_(self) -> str:
+        return as_html(self, self.figures[::-1])
 
 
 def ranges_of(quantities: Mapping[str, Quantities], figure: str) -> pd.DataFrame:
@@ -482,6 +486,8 @@ class Tornado:
 
     def __repr__(self) -> str:
         return f"<Tornado: {self}>"
+
+    _repr_html_ = as_html
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""

@@ -19,6 +19,7 @@ from shipnet.design.layout import Layout
 from shipnet.design.plot import draw_cables
 from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv, as_workbook
 
@@ -161,3 +162,7 @@ class Design(Layout):
         ax.autoscale_view()
         ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
         return ax
+
+    def _repr_html_(self) -> str:
+        rows = self.segments if self.fits else self.reasons
+        return as_html(self, rows, ok=self.fits, table=self.quantities().table())

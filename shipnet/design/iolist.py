@@ -17,6 +17,7 @@ from shipnet.design.settings import Given, Settings
 from shipnet.design.words import COLUMNS
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng
+from shipnet.html import as_html
 from shipnet.lazy import Axes
 from shipnet.signals import SIGNALS as SIGNALS
 from shipnet.tables import save_table
@@ -177,6 +178,9 @@ class IoList(PointTable):
         from shipnet.design.plot import plot_points
 
         return plot_points(self.points, option, ax=ax)
+
+    def _repr_html_(self) -> str:
+        return as_html(self, figure=False)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the list to a CSV file or an Excel workbook that `read_iolist` can read."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole
+from shipnet.html import as_html
 from shipnet.intervals import share_interval
 from shipnet.lazy import Axes, pd
 from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat
@@ -117,6 +118,9 @@ class Comparison:
             f"Comparison({table['check'].nunique()} checks, {table['sent'].sum()} packets, "
             f"{table['undetected'].sum()} accepted with errors)"
         )
+
+    def _repr_html_(self) -> str:
+        return as_html(self, self._table.sort_values("undetected", ascending=False))
 
     def table(self) -> pd.DataFrame:
         """Return one row per combination of check, number of items and bit error rate.
