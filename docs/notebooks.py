@@ -134,8 +134,9 @@ def execute(path: Path, tries: int = 3) -> Executed:
             extra_arguments=["--log-level=ERROR"],
             on_cell_execute=lambda cell, cell_index: started.append((cell_index, cell)),
         )
-        # If another backend is set, no figure reaches the notebook.
-        client.execute(env={k: v for k, v in os.environ.items() if k != "MPLBACKEND"})
+        # If another backend is set, no figure reaches the notebook; a progress bar must not.
+        env = {k: v for k, v in os.environ.items() if k != "MPLBACKEND"}
+        client.execute(env=env | {"TQDM_DISABLE": "1"})
     except Exception as error:  # any error is reported for this notebook; the others are still run
         # A port that was free when the client chose it can be in use when the kernel opens it.
         if isinstance(error, RuntimeError) and not started and tries > 1:

@@ -56,8 +56,8 @@ def svg(draw: Callable[[Axes], object], *, width: float = 6.4, height: float = 3
     return stream.getvalue()
 
 
-#: Size of a small figure [inch], its tallest height, and the most bytes that it may have.
-_SMALL, _TALLEST, _MOST_BYTES = (6.4, 2.6), 6.4, 30_000
+#: Height of a small figure [inch], and the maximum number of its bytes.
+_HEIGHT, _MOST_BYTES = 2.6, 30_000
 
 
 def small(draw: Callable[[Axes], object]) -> tuple[str, bytes]:
@@ -66,13 +66,10 @@ def small(draw: Callable[[Axes], object]) -> tuple[str, bytes]:
     The same drawing always gives the same bytes. A figure too large in either form is refused.
     """
     with house(), rc_context({"svg.hashsalt": "shipnet", "svg.fonttype": "none"}):
-        figure = Figure(figsize=_SMALL)
+        figure = Figure()
         ax = figure.subplots()
         draw(ax)
-        height = max(_SMALL[1], 0.8 + 1.4 / 72 * rcParams["font.size"] * len(ax.get_yticks()))
-        if height > _TALLEST:
-            raise ArgumentError(f"its {len(ax.get_yticks())} rows need a larger figure")
-        figure.set_figheight(height)
+        figure.set_figheight(max(_HEIGHT, 0.8 + 0.175 * len(ax.get_yticks())))
         canvas: Any = FigureCanvasSVG(figure)
         file = BytesIO()
         canvas.print_svg(file, metadata=_TIMELESS)  # `savefig` would draw twice

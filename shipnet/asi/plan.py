@@ -607,8 +607,7 @@ class Comparison:
         return f"<Comparison: {len(self.qualities)} plans, {good} within tolerance>"
 
     def _repr_html_(self) -> str:
-        rows = self.table().sort_values("evenness")
-        return as_html(self, rows, ok=bool(self.within_tolerance.all()))
+        return as_html(self, ok=bool(self.within_tolerance.all()))
 
     def table(self) -> pd.DataFrame:
         """Return the worst values of all slaves, one row per plan."""

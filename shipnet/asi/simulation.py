@@ -144,8 +144,7 @@ class Run:
             f"{summary.dropped} slaves dropped>"
         )
 
-    def _repr_html_(self) -> str:
-        return as_html(self, self.table().sort_values("failed", ascending=False, kind="stable"))
+    _repr_html_ = as_html
 
     @cached_property
     def _events(self) -> pd.DataFrame:

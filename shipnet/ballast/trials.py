@@ -29,6 +29,7 @@ from shipnet.fuzzy.terms import NORMAL, UNDETERMINED
 from shipnet.html import as_html
 from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
+from shipnet.parallel import track
 
 #: What the results are based on.
 BASIS = "faults simulated by us to fit the rules: verifies the code, does not validate the method"
@@ -107,8 +108,7 @@ class Trials:
         return f"Trials({len(self.rows) // max(len(share), 1)} valves, isolated: {isolated})"
 
     def _repr_html_(self) -> str:
-        rates = self.rates()[["n", "detected", "named", "isolated", "isolability", "sensitivity"]]
-        return as_html(self, table=rates.sort_values("isolated", kind="stable"))
+        return as_html(self, table=self.rates())
 
     def table(self) -> pd.DataFrame:
         """Return one row per trial and method, as a copy."""
@@ -229,7 +229,7 @@ def fault_trials(
         rng=generator,
         size=_BLOCK,
     )
-    for block in _diagnosed(runs, ways):
+    for block in track(_diagnosed(runs, ways), "fault trials"):
         for method, diagnosis in block.items():
             active[method] |= diagnosis.active.any(axis=0)
             first[method] = np.fmin(first[method], diagnosis.alarm_times)
@@ -329,7 +329,7 @@ def false_alarms(
     end = starts[-1] + every - 0.1
     runs = blocks(system, orders, until=end, rng=generator, size=max(2**19 // valves, 1))
     last = 0.0
-    for block in _diagnosed(runs, chosen):
+    for block in track(_diagnosed(runs, chosen), "false alarms"):
         for method, diagnosis in block.items():
             of = np.minimum((diagnosis.time + 1e-6) // every, starts.size - 1).astype(int)
             calm = np.isin(diagnosis.top, [NORMAL, UNDETERMINED])
@@ -594,7 +594,7 @@ def run_fleet(
     runs = blocks(fleet, commands, faults=failed, until=end, rng=rng)
     n_samples, strokes, alarms, signals = 0, [], [], []
     shown = np.full((1, fleet.n_valves), NORMAL, dtype=object)
-    for block in _diagnosed(runs, ["fuzzy"]):
+    for block in track(_diagnosed(runs, ["fuzzy"]), "diagnosis of the fleet"):
         diagnosis = block["fuzzy"]
         n_samples += diagnosis.time.size * fleet.n_valves
         strokes.append(

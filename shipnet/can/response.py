@@ -343,8 +343,7 @@ class ResponseTimes(Named[ResponseTime]):
     def tightest(self) -> pd.DataFrame:
         """Rows of `table` with times, the highest ratio of response to deadline first."""
         rows = self.table()[["response_ms", "deadline_ms", "slack_ms", "met"]]
-        ratio = rows["response_ms"] / rows["deadline_ms"]
-        return rows.loc[ratio.sort_values(ascending=False).index]
+        return rows.iloc[(rows["deadline_ms"] / rows["response_ms"]).argsort(kind="stable")]
 
     def table(self) -> pd.DataFrame:
         """Return one row per message, indexed by name, including the bus load that it causes."""

@@ -235,8 +235,7 @@ class Quantities:
             f"({cost['low'] / 1e3:.0f} to {cost['high'] / 1e3:.0f}){left_out}>"
         )
 
-    def _repr_html_(self) -> str:
-        return as_html(self, self.figures[::-1])
+    _repr_html_ = as_html
 
 
 def ranges_of(quantities: Mapping[str, Quantities], figure: str) -> pd.DataFrame:
