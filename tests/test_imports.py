@@ -12,7 +12,7 @@ from shipnet import tools
 #: Modules that an engineer does not want to wait for.
 HEAVY = (
     "dask distributed ipywidgets loky matplotlib networkx numba numpy pandas pyarrow pymodbus "
-    "scipy scipy.optimize skfuzzy"
+    "scipy scipy.optimize skfuzzy tqdm"
 ).split()
 #: What every page draws and moves with.
 PAGE = ["ipywidgets", "matplotlib", "numpy"]

@@ -116,6 +116,7 @@ class Reception(NamedTuple):
         """Return the times at which the receiver looked at one telegram [s], NaN if it did not."""
         return wave.start + self.start + HALF_BIT * (np.arange(self.slots.size) + 0.5)
 
+    @style.applied
     def plot(
         self, wave: Waveform, ax: Axes | None = None, *, receiver: Receiver | None = None
     ) -> Axes:
@@ -480,6 +481,7 @@ class Eye(NamedTuple):
     pulses: Floats  # half-bits with a pulse, all made positive, shape (n_pulses, n)
     gaps: Floats  # half-bits without a pulse after the first pulse, shape (n_gaps, n)
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw all half-bits superimposed, with the tolerances, as in icn2007's Fig 8."""
         ax = style.axes(ax)

@@ -26,8 +26,10 @@ from shipnet.fields import check_choice, check_rng, check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
 from shipnet.fuzzy.rules import draw_matrix
 from shipnet.fuzzy.terms import NORMAL, UNDETERMINED
+from shipnet.html import as_html
 from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
+from shipnet.parallel import track
 
 #: What the results are based on.
 BASIS = "faults simulated by us to fit the rules: verifies the code, does not validate the method"
@@ -105,6 +107,9 @@ class Trials:
         isolated = ", ".join(f"{name} {100 * x:.0f} %" for name, x in share.items())
         return f"Trials({len(self.rows) // max(len(share), 1)} valves, isolated: {isolated})"
 
+    def _repr_html_(self) -> str:
+        return as_html(self, table=self.rates())
+
     def table(self) -> pd.DataFrame:
         """Return one row per trial and method, as a copy."""
         return self.rows.copy()
@@ -141,6 +146,7 @@ class Trials:
         counts = pd.crosstab(rows["fault"], rows["top_fault"])
         return counts.reindex(index=faults, columns=order, fill_value=0)
 
+    @style.applied
     def plot(self, method: str = "fuzzy", ax: Axes | None = None) -> Axes:
         """Draw the confusion matrix in percent of each row."""
         table = self.confusion(method)
@@ -223,7 +229,7 @@ def fault_trials(
         rng=generator,
         size=_BLOCK,
     )
-    for block in _diagnosed(runs, ways):
+    for block in track(_diagnosed(runs, ways), "fault trials"):
         for method, diagnosis in block.items():
             active[method] |= diagnosis.active.any(axis=0)
             first[method] = np.fmin(first[method], diagnosis.alarm_times)
@@ -323,7 +329,7 @@ def false_alarms(
     end = starts[-1] + every - 0.1
     runs = blocks(system, orders, until=end, rng=generator, size=max(2**19 // valves, 1))
     last = 0.0
-    for block in _diagnosed(runs, chosen):
+    for block in track(_diagnosed(runs, chosen), "false alarms"):
         for method, diagnosis in block.items():
             of = np.minimum((diagnosis.time + 1e-6) // every, starts.size - 1).astype(int)
             calm = np.isin(diagnosis.top, [NORMAL, UNDETERMINED])
@@ -492,12 +498,16 @@ class FleetReport:
             f"{len(self.false_alarms())} false alarms"
         )
 
+    def _repr_html_(self) -> str:
+        return as_html(self, table=self.faults())
+
     def false_alarm_rate(self, confidence: float = 0.95) -> tuple[float, float]:
         """Return the confidence interval of the false alarm rate per valve and year."""
         years = self.n_valves * self.duration / _YEAR
         low, high = event_interval(len(self.false_alarms()), years, confidence=confidence)
         return float(low), float(high)
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw when each fault appeared, when it was reported, and when its valve was moved."""
         ax = style.axes(ax)
@@ -584,7 +594,7 @@ def run_fleet(
     runs = blocks(fleet, commands, faults=failed, until=end, rng=rng)
     n_samples, strokes, alarms, signals = 0, [], [], []
     shown = np.full((1, fleet.n_valves), NORMAL, dtype=object)
-    for block in _diagnosed(runs, ["fuzzy"]):
+    for block in track(_diagnosed(runs, ["fuzzy"]), "diagnosis of the fleet"):
         diagnosis = block["fuzzy"]
         n_samples += diagnosis.time.size * fleet.n_valves
         strokes.append(

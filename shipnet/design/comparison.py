@@ -45,6 +45,7 @@ from shipnet.design.settings import Settings, kind_of, names, shown
 from shipnet.design.tables import file_name, save_files
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv
 
@@ -466,6 +467,11 @@ class Comparison:
 
     def __repr__(self) -> str:
         return f"<Comparison: {self.verdict}>"
+
+    def _repr_html_(self) -> str:
+        order = ["points_left_out", "rules_violated", "total_cost_eur"]
+        names = [*order, "total_cost_low_eur", "total_cost_high_eur", "lost_by_failure"]
+        return as_html(self, self._table[names].sort_values(order))
 
     def html(self, *, title: str | None = None, date: str | None = None) -> str:
         """Return the report as one self-contained HTML page."""

@@ -19,6 +19,7 @@ from shipnet.design.layout import Layout
 from shipnet.design.plot import draw_cables
 from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv, as_workbook
 
@@ -144,6 +145,7 @@ class Design(Layout):
         """
         tables.save_files(folder, self.files())
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the design from above: cabinet, devices, points, and the cables between them."""
         ax = style.axes(ax)
@@ -164,3 +166,7 @@ class Design(Layout):
         ax.autoscale_view()
         ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
         return ax
+
+    def _repr_html_(self) -> str:
+        rows = self.segments if self.fits else self.reasons
+        return as_html(self, rows, ok=self.fits, table=self.quantities().table())

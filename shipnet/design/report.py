@@ -18,7 +18,7 @@ from shipnet.design.costs import EXCLUDED, WEIGHED, Quantities, counted, label, 
 from shipnet.design.designs import Design
 from shipnet.design.drawing import sheets
 from shipnet.design.failures import FAILURES
-from shipnet.design.plot import plot_pareto, plot_ranges, svg
+from shipnet.design.plot import plot_pareto, plot_ranges
 from shipnet.design.settings import shown
 from shipnet.errors import listed
 
@@ -360,6 +360,8 @@ def _changes(changes: pd.DataFrame) -> str:
 
 
 def _pictures(comparison: Any, likely: pd.DataFrame) -> str:
+    from shipnet.figure import svg
+
     compared, tornado = comparison.table(), comparison.tornado()
     named = counted(compared)
     axes = ["total_cost_eur", "lost_by_failure"]

@@ -39,6 +39,7 @@ _SENDERS = ("0.25", "0.55", "0.8")
 _MOST_BARS, _TILES, _SIZE = 5000, 9, 9
 
 
+@style.applied
 def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
     """Draw the work of CPUs and lines as rows of bars; each CAN sender has one shade of grey."""
     if not 1 <= len(table) <= _MOST_BARS:
@@ -77,6 +78,7 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
     return ax
 
 
+@style.applied
 def plot_ages(
     ages: pd.DataFrame, *, ax: Axes | None, limits: Mapping[str, float] | None, label: str
 ) -> Axes:
@@ -104,6 +106,7 @@ def plot_ages(
     return ax
 
 
+@style.applied
 def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
     """Draw the screen of the AMS as tiles, one per point, with its value or its mark."""
     ax = style.axes(ax)
@@ -161,6 +164,7 @@ def _outline(text: str) -> Path:
     return Affine2D().translate(-middle, -0.36 * _SIZE).transform_path(path)
 
 
+@style.applied
 def plot_system(
     counts: Mapping[str, int],
     segments: Sequence[str],

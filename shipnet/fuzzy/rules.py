@@ -19,6 +19,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng, check_whole
 from shipnet.fuzzy.firing import METHODS, Samples, arrays, masks, persistent, undecided
 from shipnet.fuzzy.terms import NORMAL, UNDETERMINED, Rule, Term, Variable, sloping, trapezoid
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 
 #: Number of samples processed at a time, so that their arrays fit in the cache.
@@ -81,6 +82,9 @@ class RuleBase:
 
     def __repr__(self) -> str:
         return f"RuleBase({len(self.rules)} rules, variables {' '.join(self.names)})"
+
+    def _repr_html_(self) -> str:
+        return as_html(self, plot=self.plot_overlaps)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -257,6 +261,7 @@ class RuleBase:
                 rows.append((a, b, "equal" if of_a == both == of_b else one_way))
         return pd.DataFrame(rows, columns=["a", "b", "relation"])
 
+    @style.applied
     def plot_overlaps(self, ax: Axes | None = None) -> Axes:
         """For each row's rule, draw the % of its regions in which each column's rule also fires."""
         ax = style.axes(ax)
@@ -446,6 +451,7 @@ class Firing:
         active = persistent(fires, k, n)
         return Decision(self, float(threshold), active, undecided(fires, could, k, n))
 
+    @style.applied
     def plot(self, labels: Sequence[object] | None = None, ax: Axes | None = None) -> Axes:
         """Draw the strengths as a matrix with one row per rule and one column per sample."""
         if self.strength.ndim > 2:
@@ -517,6 +523,11 @@ class Decision:
         codes, counts = np.unique(self.top.astype(str), return_counts=True)
         top = ", ".join(f"{n} {code}" for code, n in zip(codes, counts, strict=True))
         return f"Decision({int(np.prod(shape))} samples: {top})"
+
+    def _repr_html_(self) -> str:
+        table = self.table() if self.active.ndim < 3 else pd.DataFrame()
+        ok, several = all_normal(self.top), len(table) > 1
+        return as_html(self, ok=ok, table=table, plot=self.firing.plot, figure=several)
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
@@ -622,6 +633,12 @@ class Decision:
                 f"index is {index}; for samples of shape {shape}, it must be {legal}"
             )
         return index
+
+
+def all_normal(top: npt.NDArray[np.object_]) -> bool | None:
+    """Return whether all top codes are normal; None if the others are undetermined."""
+    others = set(top.ravel()) - {NORMAL}
+    return None if others == {UNDETERMINED} else not others
 
 
 def draw_matrix(ax: Axes, values: Floats, written: Callable[[int, int, float], str]) -> None:

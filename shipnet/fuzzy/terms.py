@@ -288,6 +288,7 @@ class Variable:
                 chosen[key] = index
         return sorted(float(points[index]) for index in chosen.values())
 
+    @style.applied
     def plot(self, ax: Axes | None = None, *, crisp: bool = True) -> Axes:
         """Draw the membership functions; `crisp` adds the comparisons' limits as dashed lines."""
         ax = style.axes(ax)

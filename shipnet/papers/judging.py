@@ -17,6 +17,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
 from shipnet.lazy import Axes, pd
 from shipnet.papers.registry import PAPERS, REGISTRY, load
+from shipnet.parallel import track
 
 #: Verdicts of claims that are not judged; the note says what is missing.
 UNDECIDED = ("not verified", "not reproducible", "open")
@@ -108,7 +109,8 @@ class Ledger:
         computed; `margin` is the relative distance of a statement from its limit, negative if it
         does not hold; `relative_difference` is computed / published - 1.
         """
-        return pd.DataFrame([_judge(claim) for claim in self._claims]).set_index("id")
+        rows = [_judge(claim) for claim in track(self._claims, "claims")]
+        return pd.DataFrame(rows).set_index("id")
 
     def counts(self) -> pd.DataFrame:
         """Return the number of claims of each paper by grade, or by the reason for not judging."""
@@ -129,6 +131,7 @@ class Ledger:
         columns = ["where", "claim", "published", "verdict", "holds_under", "corrected", "note"]
         return self.judged().query("verdict != 'agrees'")[columns]
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the number of claims of each paper by treatment; numbers below 4 have no label."""
         ax, counts = style.axes(ax), self.counts()

@@ -17,10 +17,10 @@ from urllib.parse import parse_qsl, urlencode
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Words, declared
+from shipnet.figure import HouseFigure, house
 from shipnet.lazy import pd
 
 #: Width of a picture [inch], and its resolution [1/inch]; a page shows 100 px per inch.
@@ -132,11 +132,12 @@ class Sheet:
     _size: tuple[float, float] = (0, 0)
     _words: tuple[str, ...] = ()
 
+    @house()
     def png(self, plot: Callable[[Axes], object], width: float, height: float) -> bytes:
         """Return the drawing of `plot` as a PNG of the given size in inches."""
         axes, self.axes = self.axes, None  # dropped if the plot fails
         if axes is None or self._size != (width, height):
-            figure = Figure(figsize=(width, height), dpi=_DPI)
+            figure = HouseFigure(figsize=(width, height), dpi=_DPI)
             FigureCanvasAgg(figure)
             axes, self._size, self._words = figure.subplots(), (width, height), ()
         else:
