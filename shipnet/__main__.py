@@ -246,6 +246,32 @@ def _modbus(arguments: argparse.Namespace) -> Answer:
     return _answer(result, numbers, bit_rates=result.table().reset_index())
 
 
+def _diagnose(arguments: argparse.Namespace) -> Answer:
+    from shipnet.ballast.log_file import read_log
+    from shipnet.ballast.rule_table import rule_base
+    from shipnet.fuzzy.rule_file import read_rules
+    from shipnet.fuzzy.terms import NORMAL
+
+    rules = read_rules(arguments.rules) if arguments.rules else rule_base()
+    log = read_log(arguments.log, rules)
+    result = rules.decide(log, k=3, n=5)
+    samples = result.table().set_index(log.index).reset_index()
+    top = samples["top"]
+    changes = samples.assign(sample=samples.index).groupby((top != top.shift()).cumsum())
+    spans = changes.agg(
+        start_s=("time_s", "first"),
+        end_s=("time_s", "last"),
+        top=("top", "first"),
+        samples=("top", "size"),
+        reason=("sample", lambda rows: result.explain(rows.iloc[0])),
+    )
+    numbers = {str(code): (int(count), "") for code, count in top.value_counts().items()}
+    reading = pd.DataFrame({"how the log was read": log.attrs["remarks"]})
+    not_normal = spans[spans["top"] != NORMAL]
+    answer = _answer(result, numbers, not_normal=not_normal, reading=reading)
+    return answer._replace(tables={"samples": samples, **answer.tables})
+
+
 def _design(arguments: argparse.Namespace) -> Answer | None:
     from shipnet.design.command import compared, settings_of
 
@@ -394,7 +420,7 @@ def _fleet(arguments: argparse.Namespace) -> None:
 #: The function of each command in `commands.toml`.
 _COMMANDS = {
     run.__name__[1:]: run
-    for run in (_ledger, _decode, _check, _can, _modbus, _serve, _fleet, _design, _grade)
+    for run in (_ledger, _decode, _check, _can, _modbus, _diagnose, _serve, _fleet, _design, _grade)
 }
 
 

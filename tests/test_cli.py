@@ -13,12 +13,12 @@ import pandas as pd
 import pytest
 
 from shipnet import __main__ as command
-from shipnet import __version__, asi, can, datasets, line, modbus
+from shipnet import __version__, asi, ballast, can, datasets, fuzzy, line, modbus
 from shipnet.__main__ import main
 from shipnet.papers import ledger
 
 POINTS = "tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3\n"
-COMMANDS = ("ledger", "decode", "check", "can", "modbus", "design", "serve", "fleet")
+COMMANDS = ("ledger", "decode", "check", "can", "modbus", "diagnose", "design", "serve", "fleet")
 PLAN = """kind,node,to,length_m,address,profile,current_ma
 master,room,,,,,
 supply,room,,,,,
@@ -57,8 +57,16 @@ def words(points, scope, tmp_path):
         "check": ["check", str(tmp_path / "plan.csv")],
         "can": ["can", str(tmp_path / "list.csv"), "--rates", "50k,125k"],
         "modbus": MODBUS,
+        "diagnose": ["diagnose", log(tmp_path)],
         "design": design(points),
     }
+
+
+def log(folder, *rows):
+    """Write the log of a valve: by default, it opens and is healthy."""
+    rows = rows or [f"{k};90;4;1,2;50;{10 + 5 * k}" for k in range(8)]
+    (folder / "log.csv").write_text("\n".join(["time;FP;OP;MC;OT;VPos", *rows]))
+    return str(folder / "log.csv")
 
 
 def design(points, *more):
@@ -388,6 +396,35 @@ def test_junit_of_a_scan_and_of_a_log(tmp_path, capsys):
     assert int(suite.get("tests")) == len(compared.table())
     assert main(["can", str(messages), "--junit"]) == 2
     assert "--junit requires --log" in capsys.readouterr().err
+
+
+def test_diagnose_reports_each_fault_with_its_time_and_reason(tmp_path, capsys):
+    rows = [f"12:00:0{k};{90 + 10 * k};3,5;1,2;50;50" for k in range(9)]
+    answer = asked(capsys, "diagnose", log(tmp_path, *rows), code=1)
+    # V1 fires from 120 bar, in the fourth row, and is reported after three of five rows.
+    assert answer["verdict"] == "9 samples: 4 V1, 5 normal"
+    (fault,) = answer["tables"]["not_normal"]
+    reason = fault.pop("reason")
+    assert fault == {"start_s": 5, "end_s": 8, "top": "V1", "samples": 4}
+    assert reason == "V1 1.00: FP 140 bar high 1.00, OP 3.5 bar high 1.00"
+    assert [row["top"] for row in answer["tables"]["samples"]] == ["normal"] * 5 + ["V1"] * 4
+    assert answer["tables"]["reading"] == [{"how the log was read": "DVPos computed from VPos"}]
+
+
+def test_diagnose_uses_ones_own_rules(tmp_path, capsys):
+    file = log(tmp_path)
+    rules = tmp_path / "my.toml"
+    base = ballast.rule_base()
+    fuzzy.RuleBase(base.variables, [fuzzy.Rule("Mine", "OP.high", 1)]).save(rules)
+    assert asked(capsys, "diagnose", file)["verdict"] == "8 samples: 8 normal"
+    answer = asked(capsys, "diagnose", file, "--rules", rules, code=1)
+    assert answer["numbers"] == {
+        "Mine": {"value": 6, "unit": ""},
+        "normal": {"value": 2, "unit": ""},
+    }
+    rules.write_text(rules.read_text().replace("OP.high", "OP.hot"))
+    assert main(["diagnose", file, "--rules", str(rules)]) == 2
+    assert capsys.readouterr().err == f"shipnet: {rules}: Mine: OP.hot is not a term\n"
 
 
 @pytest.mark.parametrize("name", COMMANDS)

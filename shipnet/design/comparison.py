@@ -41,13 +41,14 @@ from shipnet.design.plot import plot_pareto, plot_ranges
 from shipnet.design.points import ROUNDED, PointTable
 from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RuleSet
-from shipnet.design.settings import Settings, kind_of, names, shown
+from shipnet.design.settings import Settings, kind_of, names
 from shipnet.design.tables import file_name, save_files
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng
 from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv
+from shipnet.toml_file import shown
 
 #: Columns on the segments of buses; each shows the highest value of all segments of a design.
 _BUS = ("bus_time", "capacity_used")

@@ -19,8 +19,8 @@ from shipnet.design.designs import Design
 from shipnet.design.drawing import sheets
 from shipnet.design.failures import FAILURES
 from shipnet.design.plot import plot_pareto, plot_ranges
-from shipnet.design.settings import shown
 from shipnet.errors import listed
+from shipnet.toml_file import shown
 
 #: Note on the first page of a report and at the end of a printed comparison.
 BANNER = "A design aid, not class approval."

@@ -349,7 +349,7 @@ def test_strict_makes_every_doubt_a_fault():
     cases("""\
 cp949|냉각수 온도 5 ℃|cp949;utf-8-sig|5 µm|utf-8;cp1252|Kühlwasser 5 µm, 5 °C|cp1252
 utf-16|5 °C|utf-16;utf-16-le|5 °C|utf-16-le;cp949|빌지|cp949;cp1252|nødstopp øvre dør|cp1252
-cp1252|n° 5, température|cp1252"""),
+cp1252|n° 5, température|cp1252;cp1252|OT [°C]|cp1252"""),
 )
 def test_the_encoding_is_found_and_named(encoding, note, said, tmp_path):
     path = tmp_path / "list.csv"

@@ -103,7 +103,8 @@ def test_a_task_that_kills_every_process_ends_the_work():
     assert caught.value.__notes__ == ["in task 0: 0"]
 
 
-#: Two short tasks, the second of which prints a word, then long ones: a process that outlives the work shows.
+#: Two short tasks, the second of which prints a word, then long ones. A process that outlives the
+#: work is then seen.
 LONG = """
 import signal, sys, time
 from shipnet.parallel import spread
