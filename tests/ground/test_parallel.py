@@ -105,7 +105,7 @@ def test_a_task_that_kills_every_process_ends_the_work():
 
 #: Two short tasks, the second of which prints a word, then long ones. A process that outlives the
 #: work is then seen.
-LONG = """
+STUCK = """
 import signal, sys, time
 from shipnet.parallel import spread
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -122,7 +122,7 @@ spread(wait, range(8), 2, step="tasks")
 def working(failing=-1):
     """Start the long tasks in a process group of their own."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    command = [sys.executable, "-c", LONG, str(failing)]
+    command = [sys.executable, "-c", STUCK, str(failing)]
     with subprocess.Popen(command, **pipes, start_new_session=True) as program:
         try:
             yield program
