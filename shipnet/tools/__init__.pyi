@@ -1,5 +1,6 @@
 from ._page import draw_steps as draw_steps
 from ._page import stepper as stepper
+from ._sweep import Sweep as Sweep
 from .asi_line import AsiLine as AsiLine
 from .asi_network import AsiNetwork as AsiNetwork
 from .can_load import CanLoad as CanLoad
