@@ -114,13 +114,13 @@ def legend(ax: Axes, columns: int = 4, **options: Any) -> None:
 
 
 def logarithmic(axis: Any) -> None:
-    """Make an axis logarithmic, with ticks at 1, 2 and 5 times each power of ten in its range."""
+    """Make an axis logarithmic, with ticks at 1, 2 and 5 times each power of ten."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
-    low, high = axis.get_view_interval()
-    ticks = [step * 10.0**power for power in range(-6, 7) for step in (1, 2, 5)]
-    shown = [tick for tick in ticks if low <= tick <= high]
-    axis.set_ticks(shown, labels=[f"{tick:g}" for tick in shown])
-    axis.set_ticks([], minor=True)
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_locator(NullLocator())
 
 
 def box(

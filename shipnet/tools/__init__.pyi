@@ -1,5 +1,6 @@
 from ._page import draw_steps as draw_steps
 from ._page import stepper as stepper
+from ._sweep import Sweep as Sweep
 from .asi_bench import AsiBench as AsiBench
 from .can_load import CanLoad as CanLoad
 from .engine_faults import EngineFaults as EngineFaults

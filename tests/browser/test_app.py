@@ -75,7 +75,7 @@ class Tool:
     def __init__(self, page):
         self.page = page
         self.verdict = page.locator(".shipnet-verdict")
-        self.figure = page.locator("img.shipnet-picture")
+        self.figure = page.locator(".shipnet-answer img")
 
     @classmethod
     def opened(cls, page, app, name):
@@ -134,6 +134,32 @@ class Tool:
             assert self.page.evaluate(OUTSIDE) == [], f"{name} at {width} px"
         self.page.set_viewport_size({"width": 1400, "height": 1000})
 
+    def is_compared(self, name, sweep=None):
+        """Pin the answer, sweep a control and download a file, on a desk and on a phone."""
+        pin = self.page.get_by_role("columnheader", name="pin 1")
+        for size, drawn in (((1280, 800), "750"), ((390, 844), "460")):
+            self.page.set_viewport_size({"width": size[0], "height": size[1]})
+            expect(self.figure).to_have_attribute("width", drawn, timeout=LONG)
+            self.button("pin").click()
+            expect(pin).to_be_visible(timeout=LONG)
+            names = [f"shipnet_{name}"]
+            if sweep:
+                names.append(f"shipnet_{name}_sweep")
+                field, words = sweep
+                self.choose("sweep", field)
+                expect(self.page.get_by_text(words)).to_be_visible(timeout=LONG)
+                swept = self.page.locator(".shipnet-page > .shipnet-figure img")
+                expect(swept).to_have_attribute("width", drawn, timeout=LONG)
+            self.button("figure and data").click()
+            for file in names:
+                for kind, start in (("svg", b"<?xml"), ("csv", b"\xef\xbb\xbf")):
+                    with self.page.expect_download() as download:
+                        self.page.get_by_text(f"download {file}.{kind}").click(timeout=LONG)
+                    assert download.value.path().read_bytes().startswith(start)
+            self.button("remove pins").click()
+            expect(pin).to_have_count(0, timeout=LONG)
+        self.page.set_viewport_size({"width": 1400, "height": 1000})
+
     def saved(self):
         with self.page.expect_download() as download:
             self.page.get_by_text("save state").click()
@@ -154,6 +180,8 @@ def test_the_index_leads_to_a_tool_which_keys_alone_move_and_which_tells_its_hel
     page.goto(app, timeout=LONG)
     links = page.locator(".shipnet-index li a")
     names = links.evaluate_all("all => all.map(a => a.pathname.split('/').pop())")
+    expect(page.get_by_text("*")).to_have_count(0)
+    expect(page.locator("li em", has_text="time")).to_have_count(1)
     assert names == [f"{name}.ipynb" for name in sorted([*TOOLS, "slow"])]
     widths = page.locator("li img").evaluate_all("all => all.map(image => image.naturalWidth)")
     assert len(widths) == len(TOOLS) and min(widths) > 100
@@ -240,6 +268,7 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
     rate, back = "bit rate [kbit/s]", "ArrowLeft"
     tool.moves(lambda: tool.press(rate), "speed", "all 10 messages meet their deadlines")
     tool.comes_back(lambda: tool.press(rate, key=back), "speed", "all 10 messages")
+    tool.is_compared("can_load", ("bit rate", "late up to 50 kbit/s; in time from 125 kbit/s"))
     tool.is_pictured("can_load")
     tool.unfold("message set")
     editor = page.locator("textarea")
@@ -252,7 +281,7 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
 
 
 @pytest.mark.parametrize(
-    ("name", "act", "undo", "before", "after"),
+    ("name", "act", "undo", "before", "after", "sweep"),
     [
         (
             "modbus_scan",
@@ -260,6 +289,7 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
             lambda tool: tool.press("dead slaves"),
             "too slow: 2.543 s",
             "in time: 1.576 s",
+            ("slaves", "slaves: in time up to 39; too slow from 40"),
         ),
         (
             "engine_faults",
@@ -267,6 +297,7 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
             lambda tool: tool.choose("design", "as printed, CAN as a line"),
             "18 old values",
             "0 old values",
+            ("time", "time: no old values at all values"),
         ),
         (
             "ring_buffer",
@@ -274,6 +305,7 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
             lambda tool: tool.button("undo").click(),
             "byte 3 of packet 3",
             "3 bytes stored",
+            ("places", "places: bytes lost or in error up to 16; no byte lost from 32"),
         ),
         (
             "valve_diagnosis",
@@ -281,13 +313,17 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
             lambda tool: tool.choose("fault", "V1"),
             "V1: valve stuck",
             "normal",
+            ("pump pressure FP", "pump pressure FP: P2 up to 2.5 bar; normal from 2.55 bar"),
         ),
     ],
 )
-def test_a_tool_is_moved_saved_and_loaded(page, app, name, act, undo, before, after):
+def test_a_tool_is_moved_saved_loaded_and_compared(
+    page, app, name, act, undo, before, after, sweep
+):
     tool = Tool.opened(page, app, name)
     tool.moves(lambda: act(tool), before, after)
     tool.comes_back(lambda: undo(tool), before, after)
+    tool.is_compared(name, sweep)
     tool.is_pictured(name)
 
 
@@ -298,6 +334,8 @@ def test_the_valve_client_opens_a_valve_of_the_server_that_it_starts(page, app):
     tool.press("valve")
     tool.says("valve 6: closed")
     tool.comes_back(lambda: tool.press("valve", key="ArrowRight"), "valve 7", "valve 6")
+    expect(page.get_by_label("sweep")).to_be_hidden()
+    tool.is_compared("valve_client")
     tool.is_pictured("valve_client")
 
 
@@ -319,6 +357,7 @@ def test_the_ship_design_compares_a_list_of_ones_own_and_gives_its_report(page, 
     tool.moves(lambda: modbus.set_checked(False), "points: Modbus RTU", "points: CAN, ")
     expect(options).to_have_count(6)  # without Modbus, single and doubled
     tool.comes_back(lambda: modbus.set_checked(True), "points: Modbus RTU", "points: CAN, ")
+    tool.is_compared("ship_design")
     tool.is_pictured("ship_design")
     total = page.get_by_role("rowheader", name="total cost [EUR]", exact=True)
     # The notebook shows the same table of another list above the page.

@@ -46,6 +46,12 @@ def test_the_index_lists_all_tools_and_escapes_their_text(tmp_path):
     app.build(tmp_path, tmp_path / "data")
 
 
+def test_a_card_shows_the_emphasis_of_markdown():
+    card = app.html(app.Card("a", "A *b*", "Move the *time* slider: 2 * 3.", ""))
+    assert "<p>Move the <em>time</em> slider: 2 * 3.</p>" in card
+    assert "<h2>A <em>b</em></h2>" in card
+
+
 def test_the_template_loads_nothing_from_outside(tmp_path):
     template = app.build(EXPLORE, tmp_path)
     for path in template.iterdir():

@@ -115,6 +115,7 @@ def test_reused_axes_show_nothing_of_the_last_plot(tool):
         except (ArgumentError, InputError):
             continue
         axes, words, new = sheet.axes, sheet._words, Sheet()
+        sheet.fit()
         shown, fresh = (one.png(view.plot, 5, 4) for one in (sheet, new))
         if sheet._words == words:
             # The layout is unchanged.
