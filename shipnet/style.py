@@ -107,6 +107,13 @@ def limit(ax: Axes, level: float, name: str) -> None:
     ax.text(1.01, level, name, transform=beside, color=LIMIT["color"], va="center")
 
 
+def moment(ax: Axes, x: float, name: str) -> None:
+    """Draw a limit as a vertical line with its name at the top."""
+    ax.axvline(x, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
+    top = ax.get_xaxis_transform()
+    ax.text(x, 0.98, f" {name}", transform=top, color=LIMIT["color"], va="top")
+
+
 def legend(ax: Axes, columns: int = 4, **options: Any) -> None:
     """Draw the legend above the axes; `options` are those of `Axes.legend`."""
     above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}

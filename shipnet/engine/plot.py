@@ -82,7 +82,10 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
 def plot_ages(
     ages: pd.DataFrame, *, ax: Axes | None, limits: Mapping[str, float] | None, label: str
 ) -> Axes:
-    """Draw the age of a point over time; the background is shaded while the point is marked."""
+    """Draw the age of a point over time; the background is shaded while the point is marked.
+
+    On axes that have lines already, the line is dashed.
+    """
     ax = style.axes(ax)
     good = ages["age_s"].notna()
     gap = np.full(len(ages), np.nan)
@@ -91,7 +94,8 @@ def plot_ages(
     joined = (ages["good_until_s"] == ages["until_s"]) & good
     # A new value makes the line drop vertically; after a mark a new line begins.
     y[:, 2] = np.where(joined, np.append(ages["age_s"].iloc[1:], np.nan), np.nan)
-    (line,) = ax.plot(x.ravel(), y.ravel(), label=label or None)
+    dashes = "--" if ax.lines else "-"
+    (line,) = ax.plot(x.ravel(), y.ravel(), dashes, label=label or None)
     bad = ages[ages["good_until_s"] < ages["until_s"]]
     marked = f"{label}, marked".lstrip(", ")
     for begin, end in zip(bad["good_until_s"], bad["until_s"], strict=True):

@@ -196,10 +196,8 @@ def test_one_break_loses_no_slave_but_two_or_a_short_circuit_do():
 
 
 def test_a_late_reply_hides_the_sensors():
-    for timeout, answered in ((12.0, True), (1.0, False)):
-        late = answer_table(SerialLine(9600), 5, 10.0, timeout=timeout).loc["at the end"]
-        assert late.answered == answered
     table = answer_table(SerialLine(9600), 5, 10.0)
+    assert table["answered"].tolist() == [True, False, True]
     assert table.loc["at the start", "polls_while_moving"] >= 60
     waited = table.loc["at the end, waited for"]
     assert waited["polls_while_moving"] == 0 and waited["scan_gap_s"] > 10

@@ -21,7 +21,7 @@ from shipnet.design.comparison import compare
 from shipnet.design.plant import Plant
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
-from shipnet.papers.registry import check, numeric
+from shipnet.papers.registry import check, is_legal, numeric
 
 #: Plants whose wiring is compared; four doors are our example of a small plant.
 PLANTS = {
@@ -138,7 +138,7 @@ def length_is_a_physical_limit(*, length: float = 200.0) -> float:
 @check("kim2023-064", counter={"units": 63})
 def units_fit_on_one_line(*, units: int = 10 + 20) -> bool:
     """Whether one line has room for this many slaves and meets every rule."""
-    return units <= 62 and line(100, slaves=units, supply=50).check().ok is True
+    return is_legal(line, 100, units) and line(100, units, supply=50).check().ok is True
 
 
 @check("kim2023-093", counter={"masters": 3})
