@@ -92,6 +92,9 @@ UNIT  := $(BIN)/pytest -q -n logical --dist loadscope --doctest-modules $(NBVAL)
          --ignore=tests/browser tests shipnet notebooks
 WEB   := $(BIN)/pytest -q -n 2 --dist load tests/browser
 
+# How long a cell takes must not decide whether its output has a progress bar.
+unit nbval: export TQDM_DISABLE := 1
+
 unit: setup
 	@echo "unit, property and doc tests, notebooks under strict nbval, wheel"
 	@$(UNIT)

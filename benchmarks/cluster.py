@@ -23,11 +23,11 @@ def rates(workers, folder, n=250_000):
     waves = {"line": asi.line(100, slaves=(5,)).waveform()}
     density = asi.emc.Noise().density([0.3, 0.4])
     proof = asi.RECEIVERS["noise-proof"]
-    return rare_error_rates(waves, density, n, receiver=proof, workers=workers, progress=False)
+    return rare_error_rates(waves, density, n, receiver=proof, workers=workers)
 
 
 def fleet(workers, folder, valves=400, days=10):
-    return write_fleet(folder, valves, days, workers=workers, progress=False)
+    return write_fleet(folder, valves, days, workers=workers)
 
 
 def busy(client):

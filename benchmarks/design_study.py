@@ -44,11 +44,9 @@ def main():
     # The first study with worker processes also starts them.
     workers = loky.cpu_count()
     runs = {
-        "one by one": lambda: iolist.study(GRID, site, progress=False),
-        f"{workers} processes, with start-up": lambda: iolist.study(
-            GRID, site, workers=workers, progress=False
-        ),
-        f"{workers} processes": lambda: iolist.study(GRID, site, workers=workers, progress=False),
+        "one by one": lambda: iolist.study(GRID, site),
+        f"{workers} processes, with start-up": lambda: iolist.study(GRID, site, workers=workers),
+        f"{workers} processes": lambda: iolist.study(GRID, site, workers=workers),
     }
     print(f"{f'a study of {N} comparisons':<32}{'seconds':>10}{'faster by':>12}")
     tables, first = [], 0.0

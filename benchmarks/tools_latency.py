@@ -6,8 +6,12 @@ kernel; and the click comes right after the start of the server. In the second c
 pressed on the first slider that changes the picture, or on the first button if no slider does, and
 the time from key press to new picture is measured. The CPU time of browser, server and kernel is
 printed too, because it depends little on how busy the machine is.
+
+On the AS-i bench, a slave is dragged for two seconds. The time from each movement to its picture is
+printed, and the parts of it that the kernel and the page take, with the load of the machine.
 """
 
+import os
 import shutil
 import sys
 import tempfile
@@ -15,7 +19,7 @@ import time
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
 from pathlib import Path
-from statistics import median
+from statistics import median, quantiles
 
 import psutil
 
@@ -26,7 +30,9 @@ from tests.browser.conftest import ARGUMENTS, BROWSERS, served
 
 EXPLORE = app.ROOT / "notebooks" / "explore"
 TOOLS = sorted(path.stem for path in EXPLORE.glob("*.ipynb"))
-STORED, LIVE = ".shipnet-stored img", "img.shipnet-picture"
+DEVICE = ".shipnet-cable [role=slider]"
+STORED, LIVE = ".shipnet-stored img", f"img.shipnet-picture, {DEVICE}"
+BENCH = "asi_bench"
 # Text that Voila logs for each kernel that it keeps ready.
 FILLED = "is filled with"
 CHANGES = 9
@@ -37,7 +43,7 @@ WATCH = """() => {
   window.ready = [];
   addEventListener("keydown", () => { window.pressed = performance.now(); }, true);
   new MutationObserver(async () => {
-    await document.querySelector("img.shipnet-picture").decode();
+    await document.querySelector("img.shipnet-picture")?.decode();
     window.ready.push(performance.now() - window.pressed);
   }).observe(document.querySelector(".shipnet-figure"), {childList: true, subtree: true});
 }"""
@@ -61,7 +67,7 @@ def opened(page, address, tool):
     page.locator(f"a[href$='/{tool}.ipynb']").click(no_wait_after=True)
     page.locator(f"{STORED}, {LIVE}").first.wait_for(timeout=LONG)
     first = time.perf_counter() - clicked
-    page.locator(LIVE).wait_for(timeout=LONG)
+    page.locator(LIVE).first.wait_for(timeout=LONG)
     return first, time.perf_counter() - clicked, processor() - before
 
 
@@ -86,6 +92,34 @@ def changed(page):
         time.sleep(0.3)
         times.append(page.evaluate("window.ready.at(-1)"))
     return median(times), 1e3 * (processor() - begin) / CHANGES
+
+
+def dragged(page, address, slaves):
+    """Drag a slave for two seconds; return the line to be printed."""
+    devices = f"master@0+supply@50+scope@0+{slaves}*slave@100"
+    page.goto(f"{address}/voila/render/{BENCH}.ipynb?devices={devices}", timeout=LONG)
+    expected = f"document.querySelectorAll('{DEVICE}').length === {slaves + 3}"
+    page.wait_for_function(expected, timeout=LONG)
+    page.wait_for_timeout(3000)
+    page.evaluate("performance.clearMeasures()")
+    spot = "group => { const m = group.getScreenCTM(); return [m.e, m.f]; }"
+    x, y = page.locator(DEVICE).nth(3 + slaves // 2).evaluate(spot)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for k in range(120):
+        page.mouse.move(x + 1.5 * min(k, 120 - k), y)
+        page.wait_for_timeout(16)
+    measured = (
+        "performance.getEntriesByName('shipnet-bench').map(one => [one.duration, one.detail])"
+    )
+    times = [(total, 1e3 * seconds) for total, seconds in page.evaluate(measured)]
+    page.mouse.up()
+    total, kernel, rest = ([*part] for part in zip(*((t, k, t - k) for t, k in times), strict=True))
+    return (
+        f"{slaves:>3} slaves: {len(times):>3} pictures, median {median(total):4.0f} ms, "
+        f"95 % {quantiles(total, n=20)[-1]:4.0f} ms; kernel {median(kernel):4.0f} ms, "
+        f"page {median(rest):4.0f} ms (load of the machine {os.getloadavg()[0]:.1f})"
+    )
 
 
 @contextmanager
@@ -130,6 +164,13 @@ def main():
                     page.close()
                     print(said, flush=True)
                     time.sleep(0 if options else 8)
+        if BENCH in tools:
+            print("\nmovement of a slave to new picture of the bench")
+            with server(f"{app.PREHEAT}=False") as (address, _):
+                for slaves in (5, 31, 62):
+                    page = browser.new_page(viewport={"width": 1280, "height": 1000})
+                    print(dragged(page, address, slaves), flush=True)
+                    page.close()
         print("\nright after the start  stored picture   tool's picture")
         for tool in tools:
             with server() as (address, _):

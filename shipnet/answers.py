@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from shipnet.html import as_html
 from shipnet.lazy import pd
 
 #: Columns that all findings have, in this order; others may follow.
 COLUMNS = ("rule", "object", "value", "low", "high", "unit", "verdict", "why", "source")
+
+#: Columns of `Findings.worst` that a notebook shows.
+MARGINS = ["object", "value", "low", "high", "unit", "margin", "verdict"]
 
 #: Verdicts on a rule; a rule that cannot be judged is "not verified".
 VERDICTS = ("met", "violated", "not verified")
@@ -106,6 +110,9 @@ class Findings:
 
     def __repr__(self) -> str:
         return f"<Findings: {self.verdict}>"
+
+    def _repr_html_(self) -> str:
+        return as_html(self, self.worst()[MARGINS])
 
 
 class Utilisation(NamedTuple):

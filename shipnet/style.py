@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from functools import wraps
 from importlib.resources import as_file, files
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from shipnet.lazy import Axes, pd
 
 __all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "use"]
 __dir__ = __all__.copy
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 PAPER = {"color": "0.45", "linestyle": "--"}
 LIMIT = {"color": "#c0392b", "linestyle": "--"}
@@ -31,9 +35,10 @@ FIELD = {
 
 
 def use() -> None:
-    """Apply the style of `shipnet` to all later figures and tables.
+    """Apply the style of `shipnet` to all later figures and tables, whatever draws them.
 
-    Tables show cells in full; a notebook's figures have twice the resolution, for a projector.
+    Figures that `shipnet` draws have its style without this. Tables show cells in full; a
+    notebook's figures have twice the resolution, for a projector.
 
     Examples
     --------
@@ -54,12 +59,31 @@ def use() -> None:
         set_matplotlib_formats("retina")  # type: ignore[no-untyped-call]
 
 
+def applied(plot: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Let a function draw in the style of `shipnet`; axes that it is given keep their own style."""
+
+    @wraps(plot)
+    def draw(*args: _P.args, **options: _P.kwargs) -> _R:
+        from matplotlib.axes import Axes
+
+        from shipnet.figure import house
+
+        if any(isinstance(argument, Axes) for argument in (*args, *options.values())):
+            return plot(*args, **options)
+        with house():
+            return plot(*args, **options)
+
+    return draw
+
+
 def axes(ax: Axes | None = None, **options: Any) -> Axes:
     """Return `ax`, or the axes of a new figure; `options` are those of `pyplot.subplots`."""
     if ax is None:
         import matplotlib.pyplot as plt
 
-        _, ax = plt.subplots(layout="constrained", **options)
+        from shipnet.figure import HouseFigure
+
+        _, ax = plt.subplots(FigureClass=HouseFigure, layout="constrained", **options)
     return ax
 
 
@@ -81,6 +105,13 @@ def limit(ax: Axes, level: float, name: str) -> None:
     ax.axhline(level, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
     beside = ax.get_yaxis_transform()
     ax.text(1.01, level, name, transform=beside, color=LIMIT["color"], va="center")
+
+
+def moment(ax: Axes, x: float, name: str) -> None:
+    """Draw a limit as a vertical line with its name at the top."""
+    ax.axvline(x, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
+    top = ax.get_xaxis_transform()
+    ax.text(x, 0.98, f" {name}", transform=top, color=LIMIT["color"], va="top")
 
 
 def legend(ax: Axes, columns: int = 4, **options: Any) -> None:
@@ -121,12 +152,12 @@ def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
 
 def save(draw: Callable[[Axes], object], file: str) -> None:
     """Save a figure in the style of `shipnet`; `draw` is called with the axes to draw on."""
-    import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    with mpl.rc_context():
-        use()
-        figure = Figure(figsize=(10, 3.2), layout="constrained")
+    from shipnet.figure import house
+
+    with house():
+        figure = Figure(figsize=(10, 3.2))
         ax = figure.subplots()
         draw(ax)
         figure.set_figheight(size(len(ax.get_yticks()))[1])

@@ -46,6 +46,17 @@ def test_arguments_of_a_plot_are_checked_before_it_makes_axes():
     assert late == []
 
 
+def test_every_plot_that_makes_axes_applies_the_style():
+    plain = []
+    for file in (ROOT / "shipnet").rglob("*.py"):
+        for function in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(function, ast.FunctionDef) and "style.axes(" in ast.unparse(function):
+                applied = "@style.applied" in ast.unparse(function)
+                if not (applied or "with house():" in ast.unparse(function)):
+                    plain.append((file.name, function.name))
+    assert plain == []
+
+
 def test_there_are_no_import_cycles():
     """Type-only imports and imports inside functions count: a cycle hides what to read first."""
     graph = grimp.build_graph("shipnet", exclude_type_checking_imports=False, cache_dir=None)

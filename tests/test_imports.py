@@ -12,7 +12,7 @@ from shipnet import tools
 #: Modules that an engineer does not want to wait for.
 HEAVY = (
     "dask distributed ipywidgets loky matplotlib networkx numba numpy pandas pyarrow pymodbus "
-    "scipy scipy.optimize skfuzzy"
+    "scipy scipy.optimize skfuzzy tqdm"
 ).split()
 #: What every page draws and moves with.
 PAGE = ["ipywidgets", "matplotlib", "numpy"]
@@ -49,8 +49,7 @@ def test_an_entry_point_loads_no_more_than_it_needs(statement, modules):
 
 #: What the page of each tool loads beside that.
 MORE = {
-    "AsiLine": [],
-    "AsiNetwork": ["numba", "pandas", "scipy"],
+    "AsiBench": ["numba", "pandas", "scipy"],
     "CanLoad": ["pandas"],
     "EngineFaults": ["pandas"],
     "ModbusScan": ["pandas"],

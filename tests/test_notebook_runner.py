@@ -8,6 +8,7 @@ import pytest
 from jupyter_client.launcher import launch_kernel
 from jupyter_client.provisioning import local_provisioner
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
+from nbval.plugin import get_sanitize_patterns
 
 from docs import notebooks
 
@@ -117,6 +118,24 @@ def test_store_shows_what_changes_and_writes_only_what_is_accepted(tmp_path, mov
     assert "->" not in capsys.readouterr().out
 
 
+def test_the_figure_in_the_form_of_an_object_is_in_the_book_but_not_stored(tmp_path):
+    source = "from shipnet import can\ncan.response_times(can.example(), 125e3)"
+    path = write(tmp_path, "a.ipynb", code(source, "a"))
+    assert notebooks.main(["store", "--accept"], tmp_path) == 0
+    stored = nbformat.read(path, 4).cells[1].outputs[0].data
+    assert "all in time" in stored["text/plain"] and "slack_ms" in stored["text/html"]
+    assert "<figure></figure>" in stored["text/html"] and "data:image" not in stored["text/html"]
+    assert notebooks.main(["run"], tmp_path) == 0
+    copy = tmp_path / "build" / "notebooks" / "a.ipynb"
+    shown = nbformat.read(copy, 4).cells[1].outputs[0].data["text/html"]
+    assert shown.count('src="data:image/svg+xml;base64,') == 1
+    # The tests compare the stored form with one that has a figure.
+    text = (Path(__file__).parent / "nbval_sanitize.cfg").read_text(encoding="utf-8")
+    patterns = get_sanitize_patterns(text)
+    assert (notebooks.FIGURE.pattern, "<figure></figure>") in patterns
+    assert notebooks.FIGURE.sub("<figure></figure>", shown) == stored["text/html"]
+
+
 def test_stored_form(tmp_path):
     path = write(
         tmp_path,
@@ -163,7 +182,7 @@ def test_a_file_affects_the_notebooks_that_import_it_and_no_others():
     assert {"04_polling", "2_access"} <= stems("shipnet/asi/timing.py")
     assert not {"05_can", "1_buses"} & stems("shipnet/asi/timing.py")
     assert stems("shipnet/exercises/lesson_03.py") == {"03_frames"}
-    assert stems("shipnet/tools/page.css") > {"asi_line", "can_load"}
+    assert stems("shipnet/tools/page.css") > {"asi_bench", "can_load"}
     assert stems("notebooks/lessons/05_can.ipynb") == {"05_can"}
     assert stems("docs/build.py") == stems() == set()
     assert {"1_telegrams", "2_diagnosis", "00_start_here"} <= stems("data/claims.csv")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scipy.ndimage import binary_dilation
 
 from shipnet import style
-from shipnet.answers import Findings
+from shipnet.answers import MARGINS, Findings
 from shipnet.arrays import Bools, Floats, Indices, parts_of
 from shipnet.asi.batch import NONE, Requests, parse_responses
 from shipnet.asi.bursts import Telegrams, find_telegrams
@@ -38,6 +38,7 @@ from shipnet.asi.rules import rule_limits
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Request, Response
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
 from shipnet.errors import ArgumentError, SilenceError, name_of
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.line.waveform import Waveform
 
@@ -365,6 +366,13 @@ class Capture:
             f"{1e3 * self.duration:.3g} ms)"
         )
 
+    def _repr_html_(self) -> str:
+        found, rows = self.check(), self.transactions
+        faulty = ~rows[["request_error", "response_error"]].isin(_FINE).all(axis=1)
+        first = rows["start_s"][faulty if faulty.any() else slice(None)].head(1).sum()
+        plot = partial(self.plot, start=max(0.0, first - 50e-6), stop=first + 400e-6)
+        return as_html(self, found.worst()[MARGINS], ok=found.ok, plot=plot)
+
     @property
     def telegrams(self) -> int:
         """Number of telegrams received without errors."""
@@ -499,6 +507,7 @@ class Capture:
         """
         return _counted(self)
 
+    @style.applied
     def plot(
         self, ax: Axes | None = None, *, start: float = 0.0, stop: float | None = None
     ) -> Axes:

@@ -261,8 +261,11 @@ class Modulation:
                 f"{n_axes} axes and {len(u)} voltages given; give 3 or 6 axes and 1 voltage"
             )
         if axes is None:
-            six = style.axes(nrows=6, figsize=(7, 9), sharex=True)
-            axes = cast("Sequence[Axes]", six)
+            from shipnet.figure import house
+
+            with house():
+                six = style.axes(nrows=6, figsize=(7, 9), sharex=True)
+                return self.plot(wave, cast("Sequence[Axes]", six))
         bits, t = self.text, wave.t
         edges = np.arange(2 * len(bits) + 1) * HALF_BIT * 1e6
         signals = [(1e3 * self.current(t), "C1", "current [mA]"), (u[0], "C2", "voltage [V]")]
@@ -449,6 +452,7 @@ class Pulses:
             return NotImplemented
         return Pulses(np.sign(self.signs + other.signs))
 
+    @style.applied
     def plot(self, ax: Axes | None = None, *, faults: Sequence[int] = ()) -> Axes:
         """Draw the pulses of one telegram, with the slots listed in `faults` in red."""
         ax = style.axes(ax)

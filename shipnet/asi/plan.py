@@ -41,6 +41,7 @@ from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.timing import ADDRESSES, Cycle, Direction, ResponseTime, Transaction, polling_cycle
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.line.network import CableRun, Network
 from shipnet.line.waveform import Waveform as LineWaveform
@@ -157,6 +158,11 @@ class Plan:
 
     def __repr__(self) -> str:
         return f"<Plan: {'; '.join([str(self), *self.remarks])}>"
+
+    def _repr_html_(self) -> str:
+        rows = [(str(one), one.length, one.reach, len(one.slaves)) for one in self.segments]
+        table = pd.DataFrame(rows, columns=["segment", "length_m", "reach_m", "slaves"])
+        return as_html(self, table=table.set_index("segment"))
 
     # Structure ---------------------------------------------------------------------------------
 
@@ -486,6 +492,7 @@ class Plan:
         busy = max(cycle.bus_time for cycle in cycles)
         return Utilisation(busy, float(np.max(shares)), float(worst))
 
+    @style.applied
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the plan with cable lengths to scale; slaves that violate a rule are red crosses.
 
@@ -599,6 +606,9 @@ class Comparison:
         good = int(self.within_tolerance.sum())
         return f"<Comparison: {len(self.qualities)} plans, {good} within tolerance>"
 
+    def _repr_html_(self) -> str:
+        return as_html(self, ok=bool(self.within_tolerance.all()))
+
     def table(self) -> pd.DataFrame:
         """Return the worst values of all slaves, one row per plan."""
         rows = {}
@@ -613,6 +623,7 @@ class Comparison:
         """True for each plan whose slaves all meet the tolerances of evenness and ringing."""
         return np.array([bool(one.within_tolerance.all()) for one in self.qualities.values()])
 
+    @style.applied
     def plot(self, ax: Axes | None = None, *, label: str = "", **line: Any) -> Axes:
         """Plot weakest pulse and ringing over the names if all are numbers, else over 1, 2, ..."""
         names = list(self.qualities)

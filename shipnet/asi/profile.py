@@ -100,6 +100,7 @@ class Profile:
         return pd.DataFrame(IO_CONFIGURATIONS, index=codes, columns=["D0", "D1", "D2", "D3"])
 
     @classmethod
+    @style.applied
     def plot_table(cls, ax: Axes | None = None) -> Axes:
         """Draw the ports of the 16 I/O configuration codes as a grid, one column per code."""
         ax = style.axes(ax, figsize=(8, 2))

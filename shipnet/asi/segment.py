@@ -24,6 +24,7 @@ from shipnet.asi.telegram import RESPONSE_BITS, RESPONSES
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_fields, check_scalar, number, part, record, text
+from shipnet.html import as_html
 from shipnet.lazy import pd
 from shipnet.line.network import CableRun as CableRun
 from shipnet.line.network import Load, Network, check_node
@@ -210,6 +211,12 @@ class Quality(NamedTuple):
         good = f"{int(self.within_tolerance.sum())} of {len(self.received)} slaves"
         worst = f"evenness from {self.evenness.min():.2f}, ringing up to {self.ringing.max():.2f}"
         return f"Quality({good} within tolerance; {worst})"
+
+    def _repr_html_(self) -> str:
+        least, most = TOLERANCE.evenness, TOLERANCE.ringing
+        rows = self.table()[["evenness", "ringing"]].assign(least_evenness=least, most_ringing=most)
+        rows["margin"] = np.minimum(self.evenness - least, most - self.ringing)
+        return as_html(self, rows.sort_values("margin"), ok=bool(self.within_tolerance.all()))
 
     def table(self) -> pd.DataFrame:
         """Return a table with one row per slave."""

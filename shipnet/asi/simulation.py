@@ -24,6 +24,7 @@ from shipnet.asi.timing import ADDRESSES, Transaction, exchanges, transfers_valu
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.fields import check_fields, check_rng, check_scalar, check_whole, number, part, record
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 
 
@@ -143,6 +144,8 @@ class Run:
             f"{summary.dropped} slaves dropped>"
         )
 
+    _repr_html_ = as_html
+
     @cached_property
     def _events(self) -> pd.DataFrame:
         record, pauses = self.record, self.record["pause"]
@@ -208,6 +211,7 @@ class Run:
         counts = pd.DataFrame({"exchanges": by.size(), "failed": by.sum()})
         return counts.join(self.response_times())
 
+    @style.applied
     def plot(
         self,
         where: str | None = None,

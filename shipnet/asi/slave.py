@@ -159,6 +159,7 @@ class Slave:
         return pd.DataFrame(rows, columns=["telegram", "state", "answer"])
 
     @staticmethod
+    @style.applied
     def plot_states(ax: Axes | None = None) -> Axes:
         """Draw the receive states and the events that change them: icn2007's missing Fig 3.19.
 

@@ -178,6 +178,7 @@ _PARTS = {
 }
 
 
+@style.applied
 def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> Axes:
     """Draw a telegram as a row of coloured bits, with its levels as a line above."""
     if len(bits) not in _PARTS:

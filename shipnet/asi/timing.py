@@ -123,6 +123,7 @@ class Transaction:
             raise ArgumentError(f"user_bits is {user_bits!r}; it must be a whole number, 1 or more")
         return np.asarray(2 * n / (self.bits * -(-n // USER_BITS)))
 
+    @style.applied
     def plot(
         self, request: Request | str, response: Response | str, ax: Axes | None = None
     ) -> Axes:

@@ -23,8 +23,9 @@ from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed, stroke_spe
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
-from shipnet.fuzzy.rules import Decision, Firing, RuleBase
+from shipnet.fuzzy.rules import Decision, Firing, RuleBase, all_normal
 from shipnet.fuzzy.terms import NORMAL
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 
 #: Full scale of each sensor on the operating display, in the sensor's unit.
@@ -145,6 +146,7 @@ class Run:
         """
         return diagnose_run(self, rules, method=method, k=k, n=n, threshold=threshold)
 
+    @style.applied
     def plot(self, valve: int = 1, ax: Axes | None = None) -> Axes:
         """Draw a valve's readings over time in percent of full scale, as in Figure 12."""
         ax = style.axes(ax)
@@ -176,6 +178,9 @@ class Run:
         valves = f"{self.n_valves} valve{'s' if self.n_valves != 1 else ''}"
         n = len(self.movements)
         return f"Run({span}{valves}, {n} motor run{'s' if n != 1 else ''})"
+
+    def _repr_html_(self) -> str:
+        return as_html(self, table=self.strokes())
 
 
 def stroke_rows(run: Run) -> pd.DataFrame:
@@ -371,6 +376,7 @@ class Diagnosis:
         new = self.onset[:, self._place(valve)]
         return int(new.sum() if code is None else new[:, self._column(code)].sum())
 
+    @style.applied
     def plot(self, valve: int | None = None, ax: Axes | None = None) -> Axes:
         """Draw the greatest firing strength of each rule, and the diagnosis, as in Figure 13.
 
@@ -381,7 +387,7 @@ class Diagnosis:
         ax, base = style.axes(ax), self.base
         strength = self.firing(valve).strength.max(axis=0)
         active = np.any(self.active[:, self._place(valve)], axis=0)
-        names = [f"{rule.english or rule.flag} ({rule.code})" for rule in base.rules]
+        names = [style.literal(f"{one.english or one.flag} ({one.code})") for one in base.rules]
         colours = [style.LIMIT["color"] if on else "0.75" for on in active]
         ax.barh(names, strength, color=colours)
         ax.invert_yaxis()
@@ -409,6 +415,9 @@ class Diagnosis:
         faults = ", ".join(f"valve {k + 1}: {top[k]}" for k in faulty[:3])
         more = f" and {faulty.size - 3} more" if faulty.size > 3 else ""
         return f"Diagnosis({n} valve{'s' if n != 1 else ''}, {faults or 'all normal'}{more})"
+
+    def _repr_html_(self) -> str:
+        return as_html(self, ok=all_normal(self._overall), table=self.alarms())
 
     def _fire(self, at: tuple[Any, int]) -> Firing:
         return self.base.fire(_at(at, self.samples), self.method, applies=_at(at, self.applies))

@@ -29,7 +29,7 @@ from shipnet.ballast.trials import BASIS, spread_valves
 from shipnet.errors import InputError, load_extra
 from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import pd
-from shipnet.parallel import Progress, Workers, spread
+from shipnet.parallel import Workers, spread
 
 #: Valves per block; they are commanded together, so the number affects the data.
 BLOCK = 50
@@ -294,7 +294,6 @@ def write_fleet(
     idle_step: float = 60.0,
     seed: int = 2024,
     workers: Workers = 1,
-    progress: bool | Progress | None = None,
 ) -> pd.DataFrame:
     """Simulate a fleet with faults over months, and write labelled Parquet files for each day.
 
@@ -321,9 +320,6 @@ def write_fleet(
         Number of processes, 1..1024, or -1 for one per core, which need the package loky; or a
         callable such as the ``map`` of a `concurrent.futures` executor or of Dask's
         ``client.get_executor()``. The files do not depend on it.
-    progress : bool or callable, optional
-        Called as ``progress(done, total)`` after each block. True shows a bar, False none; by
-        default, a bar appears on a terminal after 2 s.
 
     Returns
     -------
@@ -375,7 +371,7 @@ def write_fleet(
         _Block(str(where), k, min(BLOCK, count - first), lasts, rate, times, idle, source, about)
         for k, first in enumerate(range(0, count, BLOCK))
     ]
-    rows = spread(_written, blocks, workers, progress)
+    rows = spread(_written, blocks, workers, step="blocks of valves")
     for partial in where.glob("*/**/.block-*"):  # left by a run that was killed
         with suppress(OSError):
             partial.unlink()

@@ -27,6 +27,7 @@ from shipnet.ballast.slave import valve_slaves
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Adu, ExceptionCode, Request
@@ -151,6 +152,9 @@ class Screen:
         states = ", ".join(f"{counts[name]} {name}" for name in STATES if name in counts)
         return f"Screen({self.time:.1f} s: {states})"
 
+    _repr_html_ = as_html
+
+    @style.applied
     def plot(
         self, selected: int | None = None, ax: Axes | None = None, *, columns: int = 32
     ) -> Axes:
@@ -308,6 +312,10 @@ class MasterRun:
             f"MasterRun({self.duration:g} s, {self.n_valves} valves, {len(self.shown)} statuses, "
             f"oldest value shown {self.oldest:.2f} s)"
         )
+
+    def _repr_html_(self) -> str:
+        screen = self.screen()
+        return as_html(self, table=screen.table(), plot=screen.plot)
 
     def _last(self, times: Floats) -> Integers:
         """Return the index of the status shown for each valve; ``len(shown)`` if there is none."""

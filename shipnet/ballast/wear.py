@@ -223,6 +223,7 @@ class Prediction:
         what = text if self.trend.found else self.trend.text
         return f"Prediction(valve {self.valve} after {self.at} strokes: {what})"
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the readings, their trend with its interval, and the limit."""
         ax = style.axes(ax)

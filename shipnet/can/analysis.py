@@ -24,6 +24,7 @@ from shipnet.can.response import Assignment, Assumptions, ResponseTimes, audsley
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar
 from shipnet.files import read_bytes
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.tables import text_of
 
@@ -198,6 +199,9 @@ class Analysis:
     def __repr__(self) -> str:
         return f"Analysis({self.verdict})"
 
+    def _repr_html_(self) -> str:
+        return as_html(self, self.at_lowest.tightest)
+
 
 def analyse(
     messages: MessageSet | Log | str | PathLike[str],
@@ -316,6 +320,10 @@ class LogComparison:
 
     def __repr__(self) -> str:
         return f"LogComparison({self.verdict})"
+
+    def _repr_html_(self) -> str:
+        planned = self._table["verdict"] == "as planned"
+        return as_html(self, self._table.iloc[planned.argsort(kind="stable")])
 
 
 #: Verdicts on messages that deviate from the plan; `compare` defines them.

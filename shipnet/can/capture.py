@@ -32,6 +32,7 @@ from shipnet.errors import (
     StuffError,
     name_of,
 )
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.line.scope_file import Edges, bit_time, read_edges
 
@@ -321,6 +322,7 @@ class Capture:
         table["load"] = table["bits"] / (self.bit_rate * self.duration)
         return table
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the frames over time, with one row per identifier and one row for faulty frames."""
         ax, table = style.axes(ax), self._table
@@ -352,6 +354,11 @@ class Capture:
             f"Capture({len(self._table)} frames in {self.duration:.4g} s at "
             f"{self.bit_rate / 1e3:g} kbit/s, {faults})"
         )
+
+    def _repr_html_(self) -> str:
+        wrong = self._table[self._table["error"] != "ok"]
+        rows = wrong[["start_s", "error", "place"]] if len(wrong) else self.loads()
+        return as_html(self, rows, ok=wrong.empty, figure=False)
 
 
 def read_capture(

@@ -18,6 +18,7 @@ from shipnet.can.lengths import measure_frames
 from shipnet.can.messages import Message, MessageSet
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
+from shipnet.html import as_html
 from shipnet.lazy import pd
 from shipnet.tables import save_suffix
 
@@ -302,6 +303,8 @@ class LogLoad:
         parts += [f"{len(self._windows) or 'no'} frames"]
         parts += [f"{self.left_out} left out"] if self.left_out else []
         return f"LogLoad({'; '.join(parts)})"
+
+    _repr_html_ = as_html
 
 
 class _Pattern(NamedTuple):

@@ -38,6 +38,7 @@ from shipnet.fields import (
     text,
     whole,
 )
+from shipnet.html import as_html
 from shipnet.lazy import pd
 from shipnet.lists import Cells, Words, widened
 from shipnet.signals import plain
@@ -332,6 +333,8 @@ class MessageSet(Named[Message]):
         faults = f"; {len(self.overlooked)} faults overlooked" if self.overlooked else ""
         remarks = f"; {'; '.join(self.remarks)}" if self.remarks else ""
         return f"MessageSet({counted(self.names)}{faults}{remarks})"
+
+    _repr_html_ = as_html
 
     def replace(self, name: str, **new: Any) -> MessageSet:
         """Return a copy with some fields of one message replaced.

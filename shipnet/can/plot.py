@@ -37,6 +37,7 @@ _BITS_PER_ROW = 30
 _NARROW = 3
 
 
+@style.applied
 def plot_fields(
     bits: str, stuffed: set[int], fields: Sequence[tuple[str, int, int]], ax: Axes | None
 ) -> Axes:
@@ -86,6 +87,7 @@ def _outline(ax: Axes, name: str, start: int, length: int, width: int) -> None:
     ax.text(*anchor, _SHORT.get(name, name), ha="center", va="top", rotation=rotation)
 
 
+@style.applied
 def plot_contest(
     senders: Sequence[tuple[str, str, set[int], int | None]],
     bus: str,

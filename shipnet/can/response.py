@@ -25,6 +25,7 @@ from shipnet.clock import NEVER, nanoseconds
 from shipnet.compiled import MANY, compiled
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, record, switch
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 
 
@@ -335,6 +336,15 @@ class ResponseTimes(Named[ResponseTime]):
         rate = f"{self.bit_rate / 1e3:g} kbit/s"
         return f"ResponseTimes({len(self)} messages at {rate}, {late}, critical: {self.critical})"
 
+    def _repr_html_(self) -> str:
+        return as_html(self, self.tightest, ok=self.met)
+
+    @property
+    def tightest(self) -> pd.DataFrame:
+        """Rows of `table` with times, the highest ratio of response to deadline first."""
+        rows = self.table()[["response_ms", "deadline_ms", "slack_ms", "met"]]
+        return rows.iloc[(rows["deadline_ms"] / rows["response_ms"]).argsort(kind="stable")]
+
     def table(self) -> pd.DataFrame:
         """Return one row per message, indexed by name, including the bus load that it causes."""
         messages = [item.message for item in self._items]
@@ -356,6 +366,7 @@ class ResponseTimes(Named[ResponseTime]):
         # Rounding removes the errors from the multiplication by 1e3.
         return table.round(9)
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the longest response of each message as a dot, connected to its deadline."""
         table, ax = self.table(), style.axes(ax, figsize=style.size(len(self)))

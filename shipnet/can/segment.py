@@ -210,6 +210,7 @@ class Signals:
             index=pd.Index(nodes, name="node"),
         )
 
+    @style.applied
     def plot(self, node: int | None = None, ax: Axes | None = None) -> Axes:
         """Draw the voltage at a node, by default the last, and the bits that it reads."""
         node = self.segment.nodes if node is None else node

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -22,6 +22,7 @@ from shipnet.can.messages import MessageSet, counted
 from shipnet.clock import NEVER, as_faults, nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 
 #: Maximum number of frames that a run may release; such a run takes several gigabytes of memory.
@@ -168,6 +169,7 @@ class Run:
             index=pd.Index(self._columns.senders, name="sender", dtype=object),
         )
 
+    @style.applied
     def plot(self, start: float = 0.0, stop: float | None = None, ax: Axes | None = None) -> Axes:
         """Draw the frames on the bus from `start` to `stop` [s], with one lane per message."""
         frames, errors = self._events, self.errors()
@@ -218,6 +220,13 @@ class Run:
             f"Run({len(self.system)} messages, {len(self._events)} frames in {self.until:g} s, "
             f"load {self.load:.0%})"
         ).replace("%)", " %)")
+
+    def _repr_html_(self) -> str:
+        rows = self.table()[["missed", "waiting", "max_ms"]]
+        rows["deadline_ms"] = [1e3 * message.deadline for message in self.system]
+        rows["slack_ms"] = rows["deadline_ms"] - rows["max_ms"]
+        plot = partial(self.plot, stop=self._events["end_ms"].head(25).max() / 1e3)
+        return as_html(self, rows.sort_values("slack_ms"), ok=not rows["missed"].any(), plot=plot)
 
 
 def simulate(
@@ -355,6 +364,8 @@ class BatchRun:
         sets = len(self.sent)
         plural = "s" if sets != 1 else ""
         return f"BatchRun({sets} set{plural} of offsets, {counted(self.system.names)})"
+
+    _repr_html_ = as_html
 
 
 def simulate_batch(

@@ -19,6 +19,7 @@ from shipnet.design.layout import Layout
 from shipnet.design.plot import plot_ranges
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng, check_whole
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 
 
@@ -234,6 +235,8 @@ class Quantities:
             f"({cost['low'] / 1e3:.0f} to {cost['high'] / 1e3:.0f}){left_out}>"
         )
 
+    _repr_html_ = as_html
+
 
 def ranges_of(quantities: Mapping[str, Quantities], figure: str) -> pd.DataFrame:
     """Return the low, nominal and high value of a figure for each of several designs."""
@@ -431,6 +434,7 @@ class Tornado:
         """Return, per assumption, the figure with the assumption low and high, and the swing."""
         return self.every.copy()
 
+    @style.applied
     def plot(self, ax: Axes | None = None, *, rows: int = 8) -> Axes:
         """Draw the assumptions with the largest swing, the longest bar on top."""
         ax, names = style.axes(ax), self.top(rows)
@@ -481,6 +485,8 @@ class Tornado:
 
     def __repr__(self) -> str:
         return f"<Tornado: {self}>"
+
+    _repr_html_ = as_html
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""

@@ -13,12 +13,13 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Findings
-from shipnet.design import costs, drawing, failures, tables
+from shipnet.design import costs, drawing, failures, ship, tables
 from shipnet.design.costs import Quantities
 from shipnet.design.layout import Layout
 from shipnet.design.plot import draw_cables
 from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv, as_workbook
 
@@ -123,6 +124,10 @@ class Design(Layout):
         """Return the single-line drawing as SVG: cabinet, boxes and stations on their trunks."""
         return drawing.single_line(self)
 
+    def drawing(self) -> ship.ShipDrawing:
+        """Return the side and plan view, in which a cable or device that is clicked fails."""
+        return ship.draw({self.name: self}, {self.name: ship.note(self)})
+
     def files(self) -> Iterator[tuple[str, bytes]]:
         """Yield the name and the content of each file that `save` writes."""
         named = self.tables()
@@ -140,6 +145,7 @@ class Design(Layout):
         """
         tables.save_files(folder, self.files())
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the design from above: cabinet, devices, points, and the cables between them."""
         ax = style.axes(ax)
@@ -160,3 +166,7 @@ class Design(Layout):
         ax.autoscale_view()
         ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
         return ax
+
+    def _repr_html_(self) -> str:
+        rows = self.segments if self.fits else self.reasons
+        return as_html(self, rows, ok=self.fits, table=self.quantities().table())

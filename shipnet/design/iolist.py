@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -17,6 +17,7 @@ from shipnet.design.settings import Given, Settings
 from shipnet.design.words import COLUMNS
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng
+from shipnet.html import as_html
 from shipnet.lazy import Axes
 from shipnet.signals import SIGNALS as SIGNALS
 from shipnet.tables import save_table
@@ -101,30 +102,27 @@ class IoList(PointTable):
         mix: Mapping[str, str] | None = None,
         rules: RuleSet | str | PathLike[str] = "DNV",
         rng: Rng = 2024,
-        progress: bool | Callable[[int, int], object] | None = None,
     ) -> Comparison:
         """Plan the points by several options and compare the designs.
 
         `options` are some of `OPTIONS`, by default all; `mix` adds a design of home runs with this
         mix (see `plan`). `rules` is the name of a published set, a file or a `RuleSet`; if a plan
         exceeds the set's response limits, the points are planned again to meet them where possible.
-        `rng` is used to draw the assumptions from their ranges. `progress` is called after each
-        plan; by default, a terminal shows a progress bar after 2 s.
+        `rng` is used to draw the assumptions from their ranges.
         """
         from shipnet.design.comparison import compared
         from shipnet.design.planning import OPTIONS, plan
         from shipnet.design.rules import RuleSet
-        from shipnet.parallel import teller
+        from shipnet.parallel import track
 
         values, rules = Settings.of(settings), RuleSet.of(rules)
         site, remark = site_of(self, cabinet, values)
         ways = OPTIONS if options is None else options
         each = [(option, None) for option in ways] + ([("home runs", mix)] if mix else [])
-        tell = teller(progress)
-        designs: list[Design] = []
-        for option, choose in each:
-            designs.append(plan(self, site, option, settings=values, mix=choose, rules=rules))
-            tell(len(designs), len(each))
+        designs = [
+            plan(self, site, option, settings=values, mix=choose, rules=rules)
+            for option, choose in track(each, "plans")
+        ]
         return compared(designs, rules, check_rng(rng), (remark,) if remark else ())
 
     def study(
@@ -136,14 +134,13 @@ class IoList(PointTable):
         settings: Given = None,
         rules: RuleSet | str | PathLike[str] = "DNV",
         workers: Workers = 1,
-        progress: bool | Callable[[int, int], object] | None = None,
     ) -> pd.DataFrame:
         """Compare the options at every point of a grid of settings.
 
         `grid` maps names of settings to lists of values, or is a list of grid points. The table has
         one row per grid point and option: the settings of the grid point, and the columns of
-        `Comparison.table`. `workers` and `progress` are as in `shipnet.ballast.write_fleet`; the
-        table does not depend on them.
+        `Comparison.table`. `workers` is as in `shipnet.ballast.write_fleet`; the table does not
+        depend on it.
         """
         from shipnet.design.rules import RuleSet
         from shipnet.parallel import spread
@@ -164,7 +161,8 @@ class IoList(PointTable):
             raise ArgumentError("; ".join(sorted(faults)))
         case = partial(_case, self, site, options, start, RuleSet.of(rules))
         tables = []
-        for point, rows in zip(points, spread(case, points, workers, progress), strict=True):
+        found = spread(case, points, workers, step="points of the grid")
+        for point, rows in zip(points, found, strict=True):
             table = pd.DataFrame(rows)
             # A value may be a range or several bit rates; each row contains the whole value.
             point_columns = {name: [value] * len(table) for name, value in point.items()}
@@ -177,6 +175,9 @@ class IoList(PointTable):
         from shipnet.design.plot import plot_points
 
         return plot_points(self.points, option, ax=ax)
+
+    def _repr_html_(self) -> str:
+        return as_html(self, figure=False)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the list to a CSV file or an Excel workbook that `read_iolist` can read."""
@@ -194,10 +195,14 @@ def _case(
     point: Mapping[str, Any],
 ) -> dict[Any, list[Any]]:
     """Return the table of a comparison with some settings; other processes can unpickle it."""
+    from shipnet.design.comparison import compare
+    from shipnet.design.planning import OPTIONS, plan
+
     settings = start.replace(point)
     site = replace(site, detour=settings.detour, tails=settings.tails)
-    comparison = iolist.compare(site, options, settings=settings, rules=rules, progress=False)
-    return comparison.table().reset_index().to_dict("list")
+    ways = OPTIONS if options is None else options
+    designs = [plan(iolist, site, way, settings=settings, rules=rules) for way in ways]
+    return compare(designs, rules=rules).table().reset_index().to_dict("list")
 
 
 def read_iolist(

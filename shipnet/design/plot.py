@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
-from importlib.resources import as_file, files
-from io import StringIO
-from typing import Any
+from collections.abc import Collection, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +30,7 @@ def _box(ax: Axes, x: float, y: float, width: float, height: float, text: str, c
     ax.text(x + width / 2, y, style.literal(text), ha="center", va="center")
 
 
+@style.applied
 def plot_points(points: pd.DataFrame, option: str, *, ax: Axes | None = None) -> Axes:
     """Draw the points of a list by device, wired individually or on an AS-i line."""
     drawers = {"home runs": _plot_hardwired, "AS-i": _plot_asi}
@@ -44,10 +42,7 @@ def plot_points(points: pd.DataFrame, option: str, *, ax: Axes | None = None) ->
             f"{missing.iloc[0]}; add a column device, or draw a design: points.plan('CAN').plot()"
         )
     devices = [(str(device), rows_of) for device, rows_of in points.groupby("device", sort=False)]
-    if ax is None:
-        from matplotlib import pyplot as plt
-
-        ax = plt.subplots(figsize=(8, 4))[1]
+    ax = style.axes(ax, figsize=(8, 4))
     height = len(devices)
     _box(ax, 0, -(height - 1) / 2, 1.6, height - 0.3, "control\npanel\n(PLC)", _PANEL)
     for row, (device, _) in enumerate(devices):
@@ -108,6 +103,7 @@ def _plot_asi(
     return height + 0.1, f"AS-i: {ASI_PAIR} conductors in the trunk for {counts.total()} points"
 
 
+@style.applied
 def plot_ranges(
     ends: pd.DataFrame, words: str, *, likely: pd.DataFrame | None = None, ax: Axes | None = None
 ) -> Axes:
@@ -129,6 +125,7 @@ def plot_ranges(
     return ax
 
 
+@style.applied
 def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None = None) -> Axes:
     """Plot two columns of a table, one dot per row; dots of rows in `pareto` are filled."""
     ax, (x, y) = style.axes(ax), table.columns
@@ -174,17 +171,3 @@ def draw_cables(ax: Axes, ends: npt.ArrayLike, colour: str, label: str) -> None:
 
     lines = list(np.asarray(ends, dtype=float))
     ax.add_collection(LineCollection(lines, colors=colour, linewidths=1.2, label=label))
-
-
-def svg(draw: Callable[[Axes], object], *, width: float = 6.4, height: float = 3.2) -> str:
-    """Return a drawing as SVG; the same drawing always gives the same bytes."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    fixed: Any = {"svg.hashsalt": "shipnet", "svg.fonttype": "path", "text.parse_math": False}
-    with as_file(files("shipnet") / "shipnet.mplstyle") as sheet, rc_context(fixed, sheet):
-        figure = Figure(figsize=(width, height))
-        draw(figure.add_subplot())
-        stream = StringIO()
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    return stream.getvalue()

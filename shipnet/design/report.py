@@ -18,9 +18,9 @@ from shipnet.design.costs import EXCLUDED, WEIGHED, Quantities, counted, label, 
 from shipnet.design.designs import Design
 from shipnet.design.drawing import sheets
 from shipnet.design.failures import FAILURES
-from shipnet.design.plot import plot_pareto, plot_ranges, svg
-from shipnet.design.settings import shown
+from shipnet.design.plot import plot_pareto, plot_ranges
 from shipnet.errors import listed
+from shipnet.toml_file import shown
 
 #: Note on the first page of a report and at the end of a printed comparison.
 BANNER = "A design aid, not class approval."
@@ -360,6 +360,8 @@ def _changes(changes: pd.DataFrame) -> str:
 
 
 def _pictures(comparison: Any, likely: pd.DataFrame) -> str:
+    from shipnet.figure import svg
+
     compared, tornado = comparison.table(), comparison.tornado()
     named = counted(compared)
     axes = ["total_cost_eur", "lost_by_failure"]
@@ -390,7 +392,8 @@ def _pictures(comparison: Any, likely: pd.DataFrame) -> str:
         figures.append(
             picture(svg(tornado.plot), f"Effect of each assumption on the {tornado.subject}.")
         )
-    return section("Figures", f'<div class="pair">{"".join(figures)}</div>')
+    ship = comparison.drawing().html if comparison.iolist.located.any() else ""
+    return section("Figures", f'{ship}<div class="pair">{"".join(figures)}</div>')
 
 
 def _rules(rules: Any, options: Sequence[str]) -> str:

@@ -39,6 +39,7 @@ _SENDERS = ("0.25", "0.55", "0.8")
 _MOST_BARS, _TAGGED, _SIZE = 5000, 9, 9
 
 
+@style.applied
 def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
     """Draw the work of CPUs and lines as rows of bars; each CAN sender has one shade of grey."""
     if not 1 <= len(table) <= _MOST_BARS:
@@ -77,10 +78,14 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
     return ax
 
 
+@style.applied
 def plot_ages(
     ages: pd.DataFrame, *, ax: Axes | None, limits: Mapping[str, float] | None, label: str
 ) -> Axes:
-    """Draw the age of a point over time; the background is shaded while the point is marked."""
+    """Draw the age of a point over time; the background is shaded while the point is marked.
+
+    On axes that have lines already, the line is dashed.
+    """
     ax = style.axes(ax)
     good = ages["age_s"].notna()
     gap = np.full(len(ages), np.nan)
@@ -89,7 +94,8 @@ def plot_ages(
     joined = (ages["good_until_s"] == ages["until_s"]) & good
     # A new value makes the line drop vertically; after a mark a new line begins.
     y[:, 2] = np.where(joined, np.append(ages["age_s"].iloc[1:], np.nan), np.nan)
-    (line,) = ax.plot(x.ravel(), y.ravel(), label=label or None)
+    dashes = "--" if ax.lines else "-"
+    (line,) = ax.plot(x.ravel(), y.ravel(), dashes, label=label or None)
     bad = ages[ages["good_until_s"] < ages["until_s"]]
     marked = f"{label}, marked".lstrip(", ")
     for begin, end in zip(bad["good_until_s"], bad["until_s"], strict=True):
@@ -104,6 +110,7 @@ def plot_ages(
     return ax
 
 
+@style.applied
 def plot_screen(
     table: pd.DataFrame, *, ax: Axes | None, old: float, columns: int = _TAGGED
 ) -> Axes:
@@ -166,6 +173,7 @@ def _outline(text: str) -> Path:
     return Affine2D().translate(-middle, -0.36 * _SIZE).transform_path(path)
 
 
+@style.applied
 def plot_system(
     counts: Mapping[str, int],
     segments: Sequence[str],

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from shipnet.engine.points import Point, PointList
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng, check_scalar, check_whole
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 
 _Slices = list[tuple[int, int, str]]
@@ -259,6 +260,10 @@ class Screen:
             f"{self.old} older than {RULE:g} s)"
         )
 
+    def _repr_html_(self) -> str:
+        rows = self._table.sort_values(["mark", "age_s"], ascending=False)
+        return as_html(self, rows, ok=not self.marked + self.old, figure=False)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
@@ -295,6 +300,13 @@ class Run:
             f"Run({self.until:g} s, {self.attempts.start.size} requests, "
             f"{len(self.alarms())} alarms, oldest value shown {self.worst_age:.2f} s)"
         )
+
+    def _repr_html_(self) -> str:
+        rows = self._table[["box", "worst_s"]].assign(limit_s=RULE)
+        rows["margin_s"] = RULE - rows["worst_s"]
+        rows = rows.sort_values("margin_s")
+        plot = partial(self.plot_ages, str(rows.index[0]), limits={f"{RULE:g} s": RULE})
+        return as_html(self, rows, plot=plot)
 
     def _shown(self, index: int) -> Shown:
         """Return what the AMS shows over time for the point with this index."""

@@ -32,6 +32,7 @@ from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.lazy import pd
+from shipnet.parallel import track
 
 #: Maximum number of frames sent and read in one run; they take several gigabytes of memory. Each
 #: poll reads the newest frame of every message.
@@ -487,7 +488,7 @@ def single_failures(
     # A run must last until two polls after the last mark.
     settled = max(system.staleness_flag().after, RULE) + 3 * system.poll_period
     rows = []
-    for fault in (None, *chosen):
+    for fault in track((None, *chosen), "single failures"):
         runs = []
         start, stop = (10.0, inf) if fault is None else (fault.start, fault.stop)
         end = start + max(2 * settled, _LENGTH) if stop == inf else stop + settled

@@ -38,6 +38,7 @@ class Pulse:
     t: Floats
     u: Floats
 
+    @style.applied
     def plot(self, ax: Axes | None = None, *, step: int) -> Axes:
         """Draw the pulse at time step `step`, and the range of voltages reached so far in grey."""
         ax = style.axes(ax)

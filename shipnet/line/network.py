@@ -400,6 +400,7 @@ class Network:
         spot[tree.order] = np.transpose([x, row])
         return Layout(spot, strokes, closing)
 
+    @style.applied
     def plot(self, ax: Axes | None = None, *, root: str | None = None) -> Axes:
         """Draw the network: cables to scale along x from the root, a filled dot at each load."""
         ax = style.axes(ax)

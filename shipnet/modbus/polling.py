@@ -7,10 +7,13 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import floor
 
+import numpy as np
+
 from shipnet import style
 from shipnet.answers import Utilisation
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_fields, check_scalar, check_whole, number, part, record, whole
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT, RTU_BYTES
 from shipnet.modbus.pdu import Request
@@ -224,6 +227,7 @@ class Scan:
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("bit_rate").dropna(axis="columns")
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the scan time over the bit rate, with the limit."""
         ax, times = style.axes(ax), self.table()["scan_s"]
@@ -245,6 +249,13 @@ class Scan:
 
     def __repr__(self) -> str:
         return f"Scan({self.verdict})"
+
+    def _repr_html_(self) -> str:
+        table = self.table()
+        if self.limit is not None:
+            table = table.assign(limit_s=self.limit, margin_s=self.limit - table["scan_s"])
+        nearest = np.argsort(abs(np.log(table.index / self.bit_rate)), kind="stable")
+        return as_html(self, table.iloc[nearest])
 
 
 def scan(

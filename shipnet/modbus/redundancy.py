@@ -240,6 +240,7 @@ class Loop:
             }
         return pd.DataFrame.from_dict(rows, orient="index").rename_axis("fault")
 
+    @style.applied
     def plot(self, faults: Faults = (), ax: Axes | None = None) -> Axes:
         """Draw the loop, its faults, and the port that serves each slave; return the axes.
 

@@ -14,6 +14,7 @@ from shipnet.answers import Utilisation
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.clock import Fault
 from shipnet.fields import check_scalar
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.redundancy import Faults, Loop, line_faults
@@ -161,6 +162,10 @@ class Run:
             f"{len(self.tries)} tries in {self.until:g} s, longest gap {self.gaps.max():.3g} s)"
         )
 
+    def _repr_html_(self) -> str:
+        rows = self.table().sort_values("longest_gap_s", ascending=False, kind="stable")
+        return as_html(self, rows, figure=len(self.tries) <= 500)
+
     def events(self) -> pd.DataFrame:
         """Return one row per try: ``start_s``, ``end_s`` (when the next may begin), ``slave``, ``port``.
 
@@ -234,6 +239,7 @@ class Run:
         worst = (good["end_s"] - good.groupby("slave")["start_s"].shift()).max()
         return Utilisation(busy / float(events["end_s"].max()), capacity, float(worst))
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the frames at both ports; return the axes.
 

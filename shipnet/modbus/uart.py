@@ -257,6 +257,7 @@ class Waveform:
         values = np.packbits(bits[:, 1 : 1 + _DATA].astype(bool), axis=1, bitorder="little")
         return Characters(starts, values.ravel(), error_codes(bits, line.character[1]))
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the level over time [ms], with each byte above its data bits; return the axes."""
         ax = style.axes(ax)

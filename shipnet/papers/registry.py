@@ -111,6 +111,7 @@ def drawing(
     return decorate
 
 
+@style.applied
 def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes:
     """Draw a figure, or a table that is a drawing, from our models and outlines.
 

@@ -11,8 +11,10 @@ import numpy as np
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole
+from shipnet.html import as_html
 from shipnet.intervals import share_interval
 from shipnet.lazy import Axes, pd
+from shipnet.parallel import track
 from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat
 from shipnet.remote_control.packet_format import Outcomes, PacketFormat
 from shipnet.remote_control.system import Supervision, System
@@ -75,7 +77,7 @@ def compare_checks(
     [['markers', 1, 468], ['markers + CRC', 1, 0]]
     """
     rates, chance, rows = list(rates), check_rng(rng), []
-    for n in n_items:
+    for n in track(list(n_items), "numbers of items"):
         for rate in rates:
             for name, form in check_formats(n).items():
                 trial = form.transmit(n, rate, packets, chance)
@@ -117,6 +119,8 @@ class Comparison:
             f"Comparison({table['check'].nunique()} checks, {table['sent'].sum()} packets, "
             f"{table['undetected'].sum()} accepted with errors)"
         )
+
+    _repr_html_ = as_html
 
     def table(self) -> pd.DataFrame:
         """Return one row per combination of check, number of items and bit error rate.

@@ -34,6 +34,7 @@ _LIMIT: dict[str, Any] = style.LIMIT
 _RED = style.LIMIT["color"]
 
 
+@style.applied
 def plot_ring(ring: Any, ax: Axes | None) -> Axes:
     """Draw a `Ring` as a circle of cells, clockwise from the top, with its writer and reader."""
     ax = style.axes(ax)
@@ -79,6 +80,7 @@ def plot_ring(ring: Any, ax: Axes | None) -> Axes:
     return ax
 
 
+@style.applied
 def plot_cases(shown: npt.NDArray[np.str_], ax: Axes | None) -> Axes:
     """Draw the cases: one row per place of the reader, one column per number of unread bytes."""
     ax = style.axes(ax)
@@ -111,6 +113,7 @@ def plot_cases(shown: npt.NDArray[np.str_], ax: Axes | None) -> Axes:
     return ax
 
 
+@style.applied
 def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
     """Draw the number of bytes that the four variables show as unread, over the true number."""
     ax = style.axes(ax)
@@ -138,6 +141,7 @@ def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
     return ax
 
 
+@style.applied
 def plot_time_chart(run: Any, ax: Axes | None, start: float, stop: float) -> Axes:
     """Draw the packets of each station in a `Run` over time, as in Fig. 2 of chung1998."""
     shown = [packet for packet in run.packets if packet.end >= start and packet.start <= stop]
@@ -193,6 +197,7 @@ def plot_time_chart(run: Any, ax: Axes | None, start: float, stop: float) -> Axe
     return ax
 
 
+@style.applied
 def plot_margins(table: pd.DataFrame, ax: Axes | None, limit: float) -> Axes:
     """Draw the time for which a healthy slave's counters run, over the bit rate."""
     ax = style.axes(ax)
@@ -217,6 +222,7 @@ def plot_margins(table: pd.DataFrame, ax: Axes | None, limit: float) -> Axes:
     return ax
 
 
+@style.applied
 def plot_counters(
     times: Sequence[float],
     counts: Sequence[int],
@@ -244,6 +250,7 @@ def plot_counters(
     return ax
 
 
+@style.applied
 def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
     """Draw the fraction of packets accepted with errors, by check, at the first bit error rate."""
     shown = table[table["bit_error_rate"] == table["bit_error_rate"].iloc[0]]

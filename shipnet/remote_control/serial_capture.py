@@ -16,6 +16,7 @@ import numpy as np
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError, InputError, name_of
 from shipnet.fields import check_scalar
+from shipnet.html import as_html
 from shipnet.lazy import pd
 from shipnet.line.scope_file import Edges, bit_time, read_edges
 from shipnet.modbus.uart import SerialLine, Waveform, error_codes, read_characters
@@ -154,6 +155,11 @@ class SerialCapture:
         ]
         read = f"{len(errors)} characters {self.character} at {self.bit_rate:.6g} bit/s"
         return f"SerialCapture({read}, {', '.join(parts) or 'no faults'})"
+
+    def _repr_html_(self) -> str:
+        right = self._table["error"] == "ok"
+        rows = self._table.iloc[right.argsort(kind="stable")]
+        return as_html(self, rows, ok=right.all() and not self.glitches)
 
 
 def read_capture(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from heapq import heappop, heappush
 from itertools import count
 from math import inf, nan
@@ -15,6 +16,7 @@ import numpy as np
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole, choice, number, record, whole
+from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.remote_control.faults import STATIONS, DeadStation, LostPacket, Stall
 from shipnet.remote_control.packet import DATA_START, MarkerFormat
@@ -119,6 +121,13 @@ class Run:
 
     def __repr__(self) -> str:
         return f"Run({self.until:g} s, {len(self.packets)} packets, {len(self.alarms())} alarms)"
+
+    def _repr_html_(self) -> str:
+        starts, alarms = [packet.start for packet in self.packets], self.alarms()["time_s"]
+        middle = bisect_left(starts, alarms.head(1).sum())
+        shown = [*starts[max(middle - 10, 0) : middle + 20], self.until]
+        plot = partial(self.plot, start=shown[0], stop=shown[-1])
+        return as_html(self, ok=alarms.empty, table=self.events(), plot=plot)
 
     def events(self) -> pd.DataFrame:
         """Return the unusual events, one row each.

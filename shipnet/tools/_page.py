@@ -54,9 +54,10 @@ class Page(widgets.VBox):  # type: ignore[misc]
     """The page of a tool: controls, verdict, figure, and a state that can be shared.
 
     `see` returns the view for given inputs; the default is the tool's own `_view`. `folds` maps
-    titles to the controls that are folded under them. Each example state in pages.toml has a
-    button; with `story`, the page opens on the first example. The page of something that is `live`
-    changes by itself, so links do not contain its pins.
+    titles to the controls that are folded under them. A `drawing` takes the place of the figure and
+    has instruments of its own: the page calls its `show`, and sets its `on_release`. Each example
+    state in pages.toml has a button; with `story`, the page opens on the first example. The page of
+    something that is `live` changes by itself, so links do not contain its pins.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         uploads: Sequence[Upload] = (),
         extras: Sequence[widgets.Widget] = (),
         folds: Mapping[str, Sequence[str]] = {},
+        drawing: Any = None,
         story: bool = False,
         live: bool = False,
     ) -> None:
@@ -129,8 +131,22 @@ class Page(widgets.VBox):  # type: ignore[misc]
         for name, button in self.stories.items():
             button.on_click(lambda _, name=name: self._show_story(name))
         tries = widgets.HBox([widgets.HTML("Try:"), *self.stories.values(), self._look])
-        answer = widgets.VBox([self._shown, _classed(self.figure, "shipnet-figure")])
+        self.drawing = drawing
+        if drawing is not None:
+            drawing.on_release = self._change
+            self.add_class("shipnet-drawn")
+        figure = self.figure if drawing is None else drawing
+        answer = widgets.VBox([self._shown, _classed(figure, "shipnet-figure")])
         stage = [_classed(answer, "shipnet-answer"), _classed(widgets.VBox(panel), "shipnet-panel")]
+        beside: list[widgets.Widget] = []
+        below = [
+            _classed(widgets.HBox(tools), "shipnet-instruments"),
+            _classed(self.sweep, "shipnet-figure"),
+            self._details,
+        ]
+        if drawing is not None:
+            # Beside a drawing, which is high, there is room for the numbers.
+            beside, below = [self._details], []
         # Set by the web page when it is shown: the query of its link, and whether it is narrow.
         self.query, self.narrow = (widgets.Text(continuous_update=False) for _ in range(2))
         self.query.observe(
@@ -141,17 +157,16 @@ class Page(widgets.VBox):  # type: ignore[misc]
         )
         self.narrow.observe(lambda _: self.refresh(), "value")
         unseen = [_classed(self.query, "shipnet-query"), _classed(self.narrow, "shipnet-narrow")]
-        foot = [self.links, self.uploads[load.label], self.prepare, *unseen, self._noted]
+        prepare = [self.prepare] if drawing is None else []
+        foot = [self.links, self.uploads[load.label], *prepare, *unseen, self._noted]
         style = (files("shipnet.tools") / "page.css").read_text(encoding="utf-8")
         super().__init__(
             [
                 _classed(widgets.HTML(f"<style>{style}</style>"), "shipnet-style"),
                 *([_classed(tries, "shipnet-tries")] if self.stories else []),
-                _classed(widgets.HBox(stage), "shipnet-stage"),
+                _classed(widgets.HBox([stage[0], *beside, stage[1]]), "shipnet-stage"),
                 widgets.HTML('<div class="shipnet-spinner" role="status">computing ...</div>'),
-                _classed(widgets.HBox(tools), "shipnet-instruments"),
-                _classed(self.sweep, "shipnet-figure"),
-                self._details,
+                *below,
                 _classed(widgets.HBox(foot), "shipnet-foot"),
             ]
         )
@@ -170,7 +185,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         """Compute and show the view of the current inputs."""
         with self._busy():
             save = '<a class="shipnet-button" aria-disabled="true">save state</a>'
-            link, self._answer, self._figures = "", None, {}
+            link, figure, self._answer, self._figures = "", None, None, {}
             try:
                 inputs = self.inputs
                 pinned = [] if self._live else [pin.inputs for pin in self._pins]
@@ -179,11 +194,16 @@ class Page(widgets.VBox):  # type: ignore[misc]
                 save = _view.download_link(file, state, "save state")
                 link = _view.write_link(inputs, pinned)
                 view = self._see(inputs)
-                pins, narrow = [pin.view for pin in self._pins], bool(self.narrow.value)
-                figure = view.figure(self._sheet, narrow=narrow, pins=pins)
-                self._answer, self._figures[""] = Answer(inputs, view), (view, pins)
+                if self.drawing is None:
+                    pins, narrow = [pin.view for pin in self._pins], bool(self.narrow.value)
+                    figure = view.figure(self._sheet, narrow=narrow, pins=pins)
+                    self._figures[""] = view, pins
+                else:
+                    self.drawing.show(inputs)
+                    figure = ""
+                self._answer = Answer(inputs, view)
             except Exception as problem:  # any error is shown as a message
-                view, figure = View(verdict=_lines(problem), ok=False), ""
+                view = View(verdict=_lines(problem), ok=False)
             self.text, self.ok = str(view), view.ok
             # Set before the verdict, so that a user who sees the verdict can save its state.
             links = [*map(_view.download_link, view.files, view.files.values())]
@@ -193,7 +213,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
             if self._answer is not None:
                 self._details.value = _view.details(self._answer, self._pins)
                 self.over.layout.display = None if view.measure else "none"
-            self._mark("shipnet-stale", not figure)
+            self._mark("shipnet-stale", figure is None)
             self.figure.value = figure or self.figure.value
             self._controls.mark(view.idle)
             if self._preset is not None:

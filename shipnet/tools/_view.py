@@ -18,11 +18,11 @@ from urllib.parse import parse_qsl, urlencode
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter
 
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Choice, Kind, Number, Switch, Text, Words, declared
+from shipnet.figure import HouseFigure, house
 from shipnet.lazy import pd
 
 #: Width of a picture [inch], and its resolution [1/inch]; a page shows 100 px per inch.
@@ -74,6 +74,7 @@ class View:
     that are compared with pinned ones: by number, they are a line; by name, marks in rows. `data`
     returns the table to download. `short` and `measure` are the answer of a sweep at one value.
     `idle` says why controls have no effect at present, and `uses` has inputs for other tools.
+    `drawing` is HTML that is shown below the figure; the table is then folded.
     """
 
     verdict: str
@@ -87,6 +88,7 @@ class View:
     data: Callable[[], pd.DataFrame] | None = None
     table: pd.DataFrame | None = None
     caption: str = ""
+    drawing: str = ""
     files: Mapping[str, str | bytes] = field(default_factory=dict)
     short: str = ""
     measure: Measure | None = None
@@ -123,7 +125,7 @@ class View:
 
     def svg(self, pins: Sequence[View] = ()) -> bytes:
         """Return the figure as an SVG file."""
-        figure, file = Figure(figsize=(_WIDTH, self.height), layout="constrained"), BytesIO()
+        figure, file = HouseFigure(figsize=(_WIDTH, self.height), layout="constrained"), BytesIO()
         self._draw(figure.subplots(), pins=pins)
         figure.savefig(file, format="svg")
         return file.getvalue()
@@ -174,6 +176,8 @@ def details(now: Answer, pins: Sequence[Answer] = ()) -> str:
     if view.table is not None:
         caption = f'<p class="shipnet-caption">{escape(view.caption)}</p>'
         table = _html("shipnet-table", view.table.columns, view.table.itertuples()) + caption
+    if view.drawing:
+        table = f"{view.drawing}<details><summary>table</summary>{table}</details>"
     heads = ["now", *(f"pin {number}" for number in range(1, len(pins) + 1))]
     return table + _html("shipnet-numbers", heads, compared(now, pins))
 
@@ -251,11 +255,12 @@ class Sheet:
             _reach(axis, self._ranges.get(shows, ()))
             self._ranges[shows] = tuple(axis.get_view_interval())
 
+    @house()
     def png(self, plot: Callable[[Axes], object], width: float, height: float) -> bytes:
         """Return the drawing of `plot` as a PNG of the given size in inches."""
         axes, self.axes = self.axes, None  # dropped if the plot fails
         if axes is None or self._size != (width, height):
-            figure = Figure(figsize=(width, height), dpi=_DPI)
+            figure = HouseFigure(figsize=(width, height), dpi=_DPI)
             FigureCanvasAgg(figure)
             axes, self._size, self._words = figure.subplots(), (width, height), ()
             self.fit()

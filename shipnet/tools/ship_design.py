@@ -203,6 +203,7 @@ class ShipDesign(Tool):
             ok=result.ok,
             table=result.short(),
             caption=_MIND,
+            drawing=result.drawing().html if result.iolist.located.any() else "",
             numbers=ready | _numbers(result),
             plot=self.plot,
             height=heights.get(self.picture, 3.6),

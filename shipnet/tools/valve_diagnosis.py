@@ -96,6 +96,7 @@ class ValveDiagnosis(Tool):
         """Codes that fire at the limits printed in the paper, without ramps."""
         return _BASE.decide(self.readings, "crisp", applies=self.applies).codes(0)
 
+    @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the firing strength of every rule as a bar."""
         ax, strength, active = style.axes(ax), self.strength, self.result.codes(0)

@@ -383,9 +383,3 @@ def test_the_price_of_barriers_in_the_cabinet_is_the_difference_from_barriers_in
     hardwired = iolist.compare((0, 0, 0), ["home runs"])
     assert f"{head} the cabinet." in hardwired.conclusions()
     assert not any("safe" in one for one in ship(4).compare((0, 0, 0)).conclusions())
-
-
-def test_progress_is_shown_after_each_plan():
-    shown = []
-    ship(4).compare((0, 0, 0), ["home runs", "CAN"], progress=lambda *state: shown.append(state))
-    assert shown == [(1, 2), (2, 2)]

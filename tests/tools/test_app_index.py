@@ -1,5 +1,6 @@
 """docs/app.py: a card for each tool, and Voila's template, which loads nothing from outside."""
 
+import asyncio
 import re
 from base64 import b64decode
 from html import unescape
@@ -8,7 +9,7 @@ import nbformat
 import pytest
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
-from docs import app
+from docs import app, pool
 
 EXPLORE = app.ROOT / "notebooks" / "explore"
 
@@ -56,3 +57,15 @@ def test_the_template_loads_nothing_from_outside(tmp_path):
     for path in template.iterdir():
         loads = re.findall(r"""(?:src|href)=["']?(?:https?:)?//|url\(|@import""", path.read_text())
         assert loads == [], path.name
+
+
+def test_messages_to_a_page_are_sent_at_once(monkeypatch):
+    done = []
+
+    async def opened(self, kernel_id):
+        done.append(kernel_id)
+
+    monkeypatch.setattr(pool.app.VoilaKernelWebsocketHandler, "open", opened)
+    monkeypatch.setattr(pool.Channel, "set_nodelay", lambda self, on: done.append(on))
+    asyncio.run(pool.Channel.open(pool.Channel.__new__(pool.Channel), "kernel"))
+    assert done == [True, "kernel"]

@@ -45,8 +45,8 @@ WITHOUT_WIDGETS = """
 import sys
 sys.modules["ipywidgets"] = None
 from shipnet import tools
-print(tools.AsiLine().verdict)
-for use in (lambda: tools.AsiLine().explore(), lambda: tools.ValveClient, lambda: tools.stepper):
+print(tools.AsiBench().verdict)
+for use in (lambda: tools.AsiBench().explore(), lambda: tools.ValveClient, lambda: tools.stepper):
     try:
         use()
     except ImportError as problem:

@@ -300,6 +300,7 @@ def levels() -> pd.DataFrame:
     return table[[*first, "printed_name", "standard", "source", "confirmed", "note"]]
 
 
+@style.applied
 def plot_levels(ax: Axes | None = None) -> Axes:
     """Draw the ratio of AS-i test levels to marine ones, one row per test.
 

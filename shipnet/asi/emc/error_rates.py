@@ -19,6 +19,7 @@ from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.intervals import share_interval
 from shipnet.lazy import pd
+from shipnet.parallel import track
 
 #: Number of samples processed at a time; an array of them takes 2 MB.
 _SAMPLES = 2**18
@@ -57,7 +58,7 @@ def _row(
     settings = {**asdict(receiver), "matched": False}
     failed = undetected = 0
     broken = np.zeros(len(CLASSES) + 1, dtype=np.int64)
-    for begin in range(0, count, chunk):
+    for begin in track(range(0, count, chunk), f"telegrams at {amplitude:g} V"):
         size = min(chunk, count - begin)
         sent = rng.integers(0, n_words, size)
         added = wave.disturbance(disturbance, amplitude, rng, size)

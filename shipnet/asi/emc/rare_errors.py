@@ -27,7 +27,7 @@ from shipnet.asi.receiver import Receiver, Reception, Waveform, receive
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_kind, check_whole
 from shipnet.lazy import pd
-from shipnet.parallel import Progress, Workers, spread
+from shipnet.parallel import Workers, spread
 
 #: Fraction of the noise that is drawn without a shift; it limits the weight of a loss.
 _PLAIN = 0.1
@@ -304,7 +304,6 @@ def rare_error_rates(
     receiver: Receiver | None = None,
     seed: int = 2024,
     workers: Workers = 1,
-    progress: bool | Progress | None = None,
 ) -> pd.DataFrame:
     """Estimate the rate of telegrams lost to white noise, down to 1e-9, by importance sampling.
 
@@ -322,8 +321,8 @@ def rare_error_rates(
         The receiver.
     seed : int, default 2024
         Seed of the random numbers, 0..2^63 - 1.
-    workers, progress
-        As in `shipnet.ballast.write_fleet`; the rates do not depend on them.
+    workers
+        As in `shipnet.ballast.write_fleet`; the rates do not depend on it.
 
     Returns
     -------
@@ -377,6 +376,6 @@ def rare_error_rates(
     _points_of(replace(parts[0][0], sigma=1.0))  # raise errors before workers start
     seeds = np.random.SeedSequence(seed).spawn(len(parts))
     tasks = [(*part, child) for part, child in zip(parts, seeds, strict=True)]
-    sums = spread(_sample, tasks, workers, progress)
+    sums = spread(_sample, tasks, workers, step="parts of telegrams")
     each = [sums[begin : begin + len(sizes)] for begin in range(0, len(sums), len(sizes))]
     return pd.DataFrame([row | _summary(part) for row, part in zip(rows, each, strict=True)])
