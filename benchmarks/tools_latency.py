@@ -7,8 +7,9 @@ pressed on the first slider that changes the picture, or on the first button if 
 the time from key press to new picture is measured. The CPU time of browser, server and kernel is
 printed too, because it depends little on how busy the machine is.
 
-On the AS-i bench, a slave is dragged for two seconds. The time from each movement to its picture is
-printed, and the parts of it that the kernel and the page take, with the load of the machine.
+On the AS-i bench, a slave is dragged for two seconds. Printed are the time from the input event of
+each movement to its picture, the time from its request to the picture, the parts of the latter that
+the kernel and the page take, and the time from the release to the rules, with the machine's load.
 """
 
 import os
@@ -109,17 +110,24 @@ def dragged(page, address, slaves):
     for k in range(120):
         page.mouse.move(x + 1.5 * min(k, 120 - k), y)
         page.wait_for_timeout(16)
-    measured = (
-        "performance.getEntriesByName('shipnet-bench').map(one => [one.duration, one.detail])"
-    )
-    times = [(total, 1e3 * seconds) for total, seconds in page.evaluate(measured)]
+    parts = "({startTime, duration, detail}) => [duration, startTime + duration - detail.sent, "
+    parts += "1e3 * detail.kernel]"
+    read = f"performance.getEntriesByName('shipnet-bench').map({parts})"
+    event, request, kernel = zip(*page.evaluate(read), strict=True)
     page.mouse.up()
-    total, kernel, rest = ([*part] for part in zip(*((t, k, t - k) for t, k in times), strict=True))
+    page.wait_for_timeout(2000)
+    released = page.evaluate(read)[-1][0]
+    rest = [whole - part for whole, part in zip(request, kernel, strict=True)]
     return (
-        f"{slaves:>3} slaves: {len(times):>3} pictures, median {median(total):4.0f} ms, "
-        f"95 % {quantiles(total, n=20)[-1]:4.0f} ms; kernel {median(kernel):4.0f} ms, "
-        f"page {median(rest):4.0f} ms (load of the machine {os.getloadavg()[0]:.1f})"
+        f"{slaves:>3} slaves: {len(event):>3} pictures, event to picture {spread(event)}, "
+        f"request to picture {spread(request)}: kernel {spread(kernel)}, page {spread(rest)}; "
+        f"release to rules {released:.0f} ms (load {os.getloadavg()[0]:.1f})"
     )
+
+
+def spread(times):
+    """Return the median and the 95th percentile [ms] as text."""
+    return f"{median(times):.0f} ({quantiles(times, n=20)[-1]:.0f}) ms"
 
 
 @contextmanager
@@ -165,7 +173,7 @@ def main():
                     print(said, flush=True)
                     time.sleep(0 if options else 8)
         if BENCH in tools:
-            print("\nmovement of a slave to new picture of the bench")
+            print("\na slave dragged on the bench: median (95th percentile)")
             with server(f"{app.PREHEAT}=False") as (address, _):
                 for slaves in (5, 31, 62):
                     page = browser.new_page(viewport={"width": 1280, "height": 1000})

@@ -64,7 +64,7 @@ function render({ model, el }) {
   const { limits, kinds } = model.get("legend");
   const state = { devices: [], sender: 1 }; // as drawn, which may be ahead of the last answer
   let answer = null, broken = [], pins = [], spots = [], drag = null, chosen = 0;
-  let asked = 0, busy = false, waiting = null, since = 0, width = 800;
+  let asked = 0, busy = false, waiting = null, since = 0, sent = 0, width = 800;
 
   el.classList.add("shipnet-bench");
   el.innerHTML = `<div class="shipnet-row" role="toolbar" aria-label="Change the devices"></div>
@@ -89,7 +89,7 @@ function render({ model, el }) {
   }
   function send() {
     const { final, change, at } = waiting;
-    [busy, waiting, since, asked] = [true, null, at, asked + 1];
+    [busy, waiting, since, sent, asked] = [true, null, at, performance.now(), asked + 1];
     model.send({ asked, final, change });
   }
   function receive(message, buffers) {
@@ -110,7 +110,7 @@ function render({ model, el }) {
       }
       el.closest(".shipnet-page").classList.toggle("shipnet-moving", !message.broken);
       draw();
-      if (own) performance.measure("shipnet-bench", { start: since, detail: message.seconds });
+      if (own) performance.measure("shipnet-bench", { start: since, detail: { sent, kernel: message.seconds } });
     }
     if (waiting && !busy) send();
   }
