@@ -17,7 +17,6 @@ from shipnet.fields import (
     Choice,
     Kind,
     Number,
-    Part,
     Switch,
     Text,
     Whole,
@@ -27,7 +26,7 @@ from shipnet.fields import (
 )
 from shipnet.tables import as_csv
 from shipnet.tools import _view
-from shipnet.tools._sweep import sweep
+from shipnet.tools._sweep import sweep, sweepable
 from shipnet.tools._view import MOST_PINS, Answer, Button, Preset, Sheet, Upload, View
 
 if TYPE_CHECKING:
@@ -114,8 +113,10 @@ class Page(widgets.VBox):  # type: ignore[misc]
         row += [_with_help(self.uploads[one.label], one.help) for one in uploads]
         if row := [*row, *extras]:
             panel.append(_classed(widgets.HBox(row), "shipnet-buttons"))
-        self.over = widgets.Dropdown(options=[("nothing", ""), *self._sweepable()])
-        self.over.description, self.over.tooltip = "sweep", "Shows the answer at all its values."
+        kinds = {**(sweepable(type(preset.start)) if preset else {}), **sweepable(self._kind)}
+        options = [("nothing", ""), *((kind.label, name) for name, kind in kinds.items())]
+        self.over = widgets.Dropdown(options=options, description="sweep")
+        self.over.tooltip = "Shows the answer at all values of a control."
         self.over.observe(lambda _: self._change(self._sweep_sheet.fit), "value")
         tools = [*(self.buttons[one.label] for one in instruments), self.over]
         self.prepare = widgets.Button(
@@ -229,13 +230,6 @@ class Page(widgets.VBox):  # type: ignore[misc]
     def _fit(self, _: object = None) -> None:
         self._sheet.fit()
         self._sweep_sheet.fit()
-
-    def _sweepable(self) -> Iterator[tuple[str, str]]:
-        """Yield the label and the name of each control that can be swept."""
-        setters = {} if self._preset is None else declared(type(self._preset.start))
-        for name, kind in {**setters, **declared(self._kind)}.items():
-            if not isinstance(kind, Part | Text):
-                yield kind.label, name
 
     def _show_sweep(self) -> None:
         """Show the sweep of the chosen control, for the current inputs and for the pins."""
