@@ -6,8 +6,13 @@ kernel; and the click comes right after the start of the server. In the second c
 pressed on the first slider that changes the picture, or on the first button if no slider does, and
 the time from key press to new picture is measured. The CPU time of browser, server and kernel is
 printed too, because it depends little on how busy the machine is.
+
+On the AS-i bench, a slave is dragged for two seconds. Printed are the time from the input event of
+each movement to its picture, the time from its request to the picture, the parts of the latter that
+the kernel and the page take, and the time from the release to the rules, with the machine's load.
 """
 
+import os
 import shutil
 import sys
 import tempfile
@@ -15,7 +20,7 @@ import time
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
 from pathlib import Path
-from statistics import median
+from statistics import median, quantiles
 
 import psutil
 
@@ -26,7 +31,9 @@ from tests.browser.conftest import ARGUMENTS, BROWSERS, served
 
 EXPLORE = app.ROOT / "notebooks" / "explore"
 TOOLS = sorted(path.stem for path in EXPLORE.glob("*.ipynb"))
-STORED, LIVE = ".shipnet-stored img", "img.shipnet-picture"
+DEVICE = ".shipnet-cable [role=slider]"
+STORED, LIVE = ".shipnet-stored img", f"img.shipnet-picture, {DEVICE}"
+BENCH = "asi_bench"
 # Text that Voila logs for each kernel that it keeps ready.
 FILLED = "is filled with"
 CHANGES = 9
@@ -37,7 +44,7 @@ WATCH = """() => {
   window.ready = [];
   addEventListener("keydown", () => { window.pressed = performance.now(); }, true);
   new MutationObserver(async () => {
-    await document.querySelector("img.shipnet-picture").decode();
+    await document.querySelector("img.shipnet-picture")?.decode();
     window.ready.push(performance.now() - window.pressed);
   }).observe(document.querySelector(".shipnet-figure"), {childList: true, subtree: true});
 }"""
@@ -61,7 +68,7 @@ def opened(page, address, tool):
     page.locator(f"a[href$='/{tool}.ipynb']").click(no_wait_after=True)
     page.locator(f"{STORED}, {LIVE}").first.wait_for(timeout=LONG)
     first = time.perf_counter() - clicked
-    page.locator(LIVE).wait_for(timeout=LONG)
+    page.locator(LIVE).first.wait_for(timeout=LONG)
     return first, time.perf_counter() - clicked, processor() - before
 
 
@@ -86,6 +93,41 @@ def changed(page):
         time.sleep(0.3)
         times.append(page.evaluate("window.ready.at(-1)"))
     return median(times), 1e3 * (processor() - begin) / CHANGES
+
+
+def dragged(page, address, slaves):
+    """Drag a slave for two seconds; return the line to be printed."""
+    devices = f"master@0+supply@50+scope@0+{slaves}*slave@100"
+    page.goto(f"{address}/voila/render/{BENCH}.ipynb?devices={devices}", timeout=LONG)
+    expected = f"document.querySelectorAll('{DEVICE}').length === {slaves + 3}"
+    page.wait_for_function(expected, timeout=LONG)
+    page.wait_for_timeout(3000)
+    page.evaluate("performance.clearMeasures()")
+    spot = "group => { const m = group.getScreenCTM(); return [m.e, m.f]; }"
+    x, y = page.locator(DEVICE).nth(3 + slaves // 2).evaluate(spot)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for k in range(120):
+        page.mouse.move(x + 1.5 * min(k, 120 - k), y)
+        page.wait_for_timeout(16)
+    parts = "({startTime, duration, detail}) => [duration, startTime + duration - detail.sent, "
+    parts += "1e3 * detail.kernel]"
+    read = f"performance.getEntriesByName('shipnet-bench').map({parts})"
+    event, request, kernel = zip(*page.evaluate(read), strict=True)
+    page.mouse.up()
+    page.wait_for_timeout(2000)
+    released = page.evaluate(read)[-1][0]
+    rest = [whole - part for whole, part in zip(request, kernel, strict=True)]
+    return (
+        f"{slaves:>3} slaves: {len(event):>3} pictures, event to picture {spread(event)}, "
+        f"request to picture {spread(request)}: kernel {spread(kernel)}, page {spread(rest)}; "
+        f"release to rules {released:.0f} ms (load {os.getloadavg()[0]:.1f})"
+    )
+
+
+def spread(times):
+    """Return the median and the 95th percentile [ms] as text."""
+    return f"{median(times):.0f} ({quantiles(times, n=20)[-1]:.0f}) ms"
 
 
 @contextmanager
@@ -130,6 +172,13 @@ def main():
                     page.close()
                     print(said, flush=True)
                     time.sleep(0 if options else 8)
+        if BENCH in tools:
+            print("\na slave dragged on the bench: median (95th percentile)")
+            with server(f"{app.PREHEAT}=False") as (address, _):
+                for slaves in (5, 31, 62):
+                    page = browser.new_page(viewport={"width": 1280, "height": 1000})
+                    print(dragged(page, address, slaves), flush=True)
+                    page.close()
         print("\nright after the start  stored picture   tool's picture")
         for tool in tools:
             with server() as (address, _):

@@ -14,6 +14,7 @@ for each tool (about 100 MB each); `--preheat_kernel=False` starts kernels on de
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
 from collections.abc import Iterator
@@ -77,8 +78,8 @@ def html(one: Card) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return text escaped for HTML and Jinja."""
-    return escape(text).replace("{", "&#123;")
+    """Return text escaped for HTML and Jinja, with the emphasis of Markdown."""
+    return re.sub(r"\*(\S.*?)\*", r"<em>\1</em>", escape(text).replace("{", "&#123;"))
 
 
 def build(folder: Path, target: Path) -> Path:

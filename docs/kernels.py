@@ -22,7 +22,7 @@ from types import SimpleNamespace
 from typing import Any
 
 LIBRARIES = (
-    "ipykernel.kernelapp", "ipywidgets", "lazy_loader", "IPython.core.pylabtools",
+    "ipykernel.kernelapp", "ipywidgets", "anywidget", "lazy_loader", "IPython.core.pylabtools",
     "pandas.io.formats.style", "matplotlib.backends.backend_agg", "matplotlib.pyplot",
     "PIL.GifImagePlugin", "PIL.JpegImagePlugin", "PIL.PpmImagePlugin", "scipy.optimize",
     "scipy.signal", "scipy.stats",

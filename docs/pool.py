@@ -47,6 +47,15 @@ class Render(app.TornadoVoilaHandler):
         assert self.xsrf_token, "reading the token sets the cookie"
 
 
+class Channel(app.VoilaKernelWebsocketHandler):
+    """Handler of the messages between a page and its kernel."""
+
+    async def open(self, kernel_id: str) -> None:
+        """Send each message at once: TCP would hold a small one back for up to 40 ms."""
+        self.set_nodelay(True)
+        await super().open(kernel_id)
+
+
 def one_by_one(*arguments: Any, **options: Any) -> type:
     """Return Voila's kernel manager with a pool that is filled one kernel at a time."""
     base: Any = voila_kernel_manager_factory(*arguments, **options)
@@ -92,5 +101,5 @@ def one_by_one(*arguments: Any, **options: Any) -> type:
 if __name__ == "__main__":
     kernels.fork(at_once=True)
     app.voila_kernel_manager_factory = one_by_one
-    app.TornadoVoilaHandler = Render
+    app.TornadoVoilaHandler, app.VoilaKernelWebsocketHandler = Render, Channel
     Tools.launch_instance(sys.argv[1:])

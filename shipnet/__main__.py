@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from difflib import get_close_matches
 from importlib.resources import files
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from textwrap import shorten
 from typing import Any, NoReturn, TextIO
 
 from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.lazy import pd
 from shipnet.results import FORMS, Answer, check_output, encodable, printable
+from shipnet.tables import as_csv
 
 #: Columns of the transactions on the terminal: title, name, width and digits.
 _TRANSACTION = (
@@ -38,6 +43,11 @@ def number(text: str) -> float:
     """Return the number in text that may end in an SI prefix, such as 125k or 100n."""
     power = {"M": 6, "k": 3, "m": -3, "u": -6, "n": -9}.get(text[-1:])
     return float(text if power is None else f"{text[:-1]}e{power}")
+
+
+def numbers(text: str) -> list[float]:
+    """Return the numbers in text, separated by commas."""
+    return [number(part) for part in text.split(",")]
 
 
 def _ledger(arguments: argparse.Namespace) -> Answer:
@@ -186,12 +196,18 @@ def _can(arguments: argparse.Namespace) -> Answer:
         "reading": pd.DataFrame({"how the list was read": messages.remarks}),
         "left_out": pd.DataFrame({"fault": messages.overlooked}),
     }
+    if arguments.junit and not arguments.log:
+        raise ArgumentError("--junit requires --log")
     if arguments.log:
         compared = compare(messages, arguments.log, pgn=arguments.pgn)
         table = compared.table().reset_index()
         counts = table["verdict"].value_counts().items()
         numbers = {str(verdict): (int(count), "") for verdict, count in counts}
-        return _answer(compared, numbers, messages=table, **more)
+        cases = [
+            (str(name), "" if verdict == "as planned" else str(verdict), False)
+            for name, verdict in zip(table["name"], table["verdict"], strict=True)
+        ]
+        return _answer(compared, numbers, messages=table, **more)._replace(cases=cases)
     result = analyse(messages, arguments.rates or BIT_RATES)
     rates: dict[str, tuple[float, str]] = {
         "lowest_bit_rate": (result.lowest, "bit/s"),
@@ -228,6 +244,32 @@ def _modbus(arguments: argparse.Namespace) -> Answer:
         "bus_time": (result.bus_time, "1"),
     }
     return _answer(result, numbers, bit_rates=result.table().reset_index())
+
+
+def _diagnose(arguments: argparse.Namespace) -> Answer:
+    from shipnet.ballast.log_file import read_log
+    from shipnet.ballast.rule_table import rule_base
+    from shipnet.fuzzy.rule_file import read_rules
+    from shipnet.fuzzy.terms import NORMAL
+
+    rules = read_rules(arguments.rules) if arguments.rules else rule_base()
+    log = read_log(arguments.log, rules)
+    result = rules.decide(log, k=3, n=5)
+    samples = result.table().set_index(log.index).reset_index()
+    top = samples["top"]
+    changes = samples.assign(sample=samples.index).groupby((top != top.shift()).cumsum())
+    spans = changes.agg(
+        start_s=("time_s", "first"),
+        end_s=("time_s", "last"),
+        top=("top", "first"),
+        samples=("top", "size"),
+        reason=("sample", lambda rows: result.explain(rows.iloc[0])),
+    )
+    numbers = {str(code): (int(count), "") for code, count in top.value_counts().items()}
+    reading = pd.DataFrame({"how the log was read": log.attrs["remarks"]})
+    not_normal = spans[spans["top"] != NORMAL]
+    answer = _answer(result, numbers, not_normal=not_normal, reading=reading)
+    return answer._replace(tables={"samples": samples, **answer.tables})
 
 
 def _design(arguments: argparse.Namespace) -> Answer | None:
@@ -364,7 +406,7 @@ def _fleet(arguments: argparse.Namespace) -> None:
             arguments.out,
             arguments.valves,
             arguments.days,
-            faults_per_year=arguments.faults,
+            faults_per_year=arguments.faults_per_year,
             seed=arguments.seed,
             workers=workers,
         )
@@ -378,44 +420,60 @@ def _fleet(arguments: argparse.Namespace) -> None:
 #: The function of each command in `commands.toml`.
 _COMMANDS = {
     run.__name__[1:]: run
-    for run in (_ledger, _decode, _check, _can, _modbus, _serve, _fleet, _design, _grade)
+    for run in (_ledger, _decode, _check, _can, _modbus, _diagnose, _serve, _fleet, _design, _grade)
 }
 
 
+_EXIT_CODES = "exit codes: 0 good, 1 done and the answer is bad, 2 could not be done"
+
+
 class _Parser(argparse.ArgumentParser):
-    """A parser whose errors cannot command the terminal with a word of the command line."""
+    """A parser that names the nearest option if one is unknown, and prints no escape sequences."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse the arguments of a command, and report an unknown one with the command's usage."""
+        namespace, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            near = get_close_matches(unknown[0].partition("=")[0], self._option_string_actions, n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            self.error(f"unknown argument {unknown[0]!r}{hint}")
+        return namespace, unknown
 
     def error(self, message: str) -> NoReturn:
         """Print the usage and an error, and exit."""
         super().error(printable(message))
 
 
-def _parser() -> argparse.ArgumentParser:
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line, from which shtab makes completions for shells."""
     from shipnet import __version__
 
-    parser = _Parser(
+    whole = _Parser(
         prog="shipnet",
         description="Simulate and design field buses for ships, and check papers about them.",
-        epilog="example: shipnet ledger kim2023",
+        epilog=f"example: shipnet ledger kim2023; {_EXIT_CODES}",
     )
-    parser.add_argument("--version", action="version", version=f"shipnet {__version__}")
-    commands = parser.add_subparsers(
-        title="commands", required=True, metavar="COMMAND", dest="command"
-    )
+    whole.add_argument("-V", "--version", action="version", version=f"shipnet {__version__}")
+    commands = whole.add_subparsers(title="commands", metavar="COMMAND", dest="command")
     grammar = (files("shipnet") / "commands.toml").read_text(encoding="utf-8")
     for name, one in tomllib.loads(grammar).items():
         form = argparse.RawDescriptionHelpFormatter
-        about = {"help": one["help"], "description": one["text"]}
+        about = {"help": one["help"], "description": one["text"], "epilog": _EXIT_CODES}
         sub = commands.add_parser(name, formatter_class=form, **about)
         forms = (*FORMS, *one["forms"]) if "forms" in one else ()
-        sub.set_defaults(run=_COMMANDS[name], output=[], json=False, forms=forms)
+        sub.set_defaults(
+            run=_COMMANDS[name], output=[], json=False, junit=False, forms=forms, each=""
+        )
         if forms:
             help = f"also write the result to a file ({', '.join(forms)}) or a folder of tables"
-            _option(sub, "-o, --output FILE", help, default=[])
+            _option(
+                sub, "-o, --output FILE", f"{help}; - prints the first table as CSV", default=[]
+            )
             _option(sub, "--json", "print the result as JSON, for programs")
-        for option in one["options"]:
-            _option(sub, **option)
-    return parser
+        actions = [_option(sub, **option) for option in one["options"]]
+        named = {action.dest: action.option_strings for action in actions if action.option_strings}
+        sub.set_defaults(flags={name: strings[0] for name, strings in named.items()})
+    return whole
 
 
 def _option(
@@ -425,21 +483,30 @@ def _option(
     default: Any = None,
     type: str = "",
     **more: Any,
-) -> None:
+) -> argparse.Action:
     """Add an argument such as ``FILE``, ``--channel NAME``, or ``--udp`` without a value."""
     flags, _, metavar = words.rpartition(" ")
     if words.startswith("-") and not flags:
-        parser.add_argument(words, action="store_true", help=help)
-        return
+        return parser.add_argument(words, action="store_true", help=help)
     if isinstance(default, list):
         more, help = {"action": "append", **more}, f"{help}; may be repeated"
     elif default is not None:
-        type, help = default.__class__.__name__, f"{help} (default {default})"
+        shown = f"{default:g}" if isinstance(default, float) else default
+        type, help = default.__class__.__name__, f"{help} (default {shown})"
     names = flags.split(", ") if flags else [metavar.lower()]
-    kinds: dict[str, Callable[[str], Any]] = {"int": int, "number": number, "float": number}
-    parser.add_argument(
+    kinds: dict[str, Callable[[str], Any]] = {
+        "int": int,
+        "number": number,
+        "float": number,
+        "numbers": numbers,
+    }
+    action = parser.add_argument(
         *names, metavar=metavar, help=help, default=default, type=kinds.get(type, str), **more
     )
+    if not flags and action.nargs == "+":
+        # The command runs once for each of these arguments.
+        parser.set_defaults(each=action.dest)
+    return action
 
 
 def _print(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
@@ -450,21 +517,79 @@ def _print(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
     print(text, end=end, file=stream, flush=True)
 
 
+@contextmanager
+def _opened(name: str) -> Iterator[str]:
+    """Yield the name of a file; for -, that of a temporary copy of the standard input."""
+    if name != "-":
+        yield name
+        return
+    content = sys.stdin.buffer.read()
+    with TemporaryDirectory() as folder:
+        workbook = content.startswith(b"PK")
+        file = Path(folder) / f"standard input{'.xlsx' if workbook else '.csv'}"
+        file.write_bytes(content)
+        try:
+            yield str(file)
+        except InputError as mistake:
+            raise InputError("standard input", *mistake.faults, more=mistake.more) from None
+
+
 def _run(arguments: argparse.Namespace) -> int:
-    """Run a command; write its files first, because the reader of the output may stop early."""
+    """Run a command, once for each of its files, and print the results."""
     for file in arguments.output:
-        check_output(file, arguments.forms)
-    answer = arguments.run(arguments)
-    if answer is None:
-        return 0
+        if file != "-":
+            check_output(file, arguments.forms)
+    names = getattr(arguments, arguments.each) if arguments.each else [""]
+    if len(names) > 1 and arguments.output:
+        raise ArgumentError(f"-o requires one file; {len(names)} are given")
+    code, texts = 0, []
+    for name in names:
+        with _opened(name) as file:
+            setattr(arguments, arguments.each or "each", file)
+            answer = arguments.run(arguments)
+        if answer is None:
+            return 0
+        code = max(code, 1 if answer.ok is False else 0)
+        texts.append(_shown(arguments, answer, name if len(names) > 1 else ""))
+    if arguments.junit:
+        texts = ['<?xml version="1.0" encoding="UTF-8"?>\n<testsuites>', *texts, "</testsuites>"]
+    _print("\n".join(texts))
+    return code
+
+
+def _shown(arguments: argparse.Namespace, answer: Answer, name: str) -> str:
+    """Write the files of an answer, and return what is printed: CSV, JSON, JUnit XML or text."""
+    # The files are written before anything is printed, because the reader of the output may stop.
     for file in arguments.output:
-        answer.save(file, arguments.command)
+        if file != "-":
+            answer.save(file, arguments.command)
+    if "-" in arguments.output:
+        return as_csv(next(iter(answer.tables.values()))).decode("utf-8-sig").rstrip("\n")
+    if arguments.junit:
+        return answer.junit(arguments.command, name)
     if arguments.json:
-        _print(answer.json(arguments.command), end="")
-    else:
-        written = "\n".join(f"written: {file}" for file in arguments.output)
-        _print(f"{answer.text}\n\n{written}" if written else answer.text)
-    return 1 if answer.ok is False else 0
+        return answer.json(arguments.command).rstrip("\n")
+    title = f"{name}:\n" if name else ""
+    written = "".join(f"\nwritten: {file}" for file in arguments.output)
+    return f"{title}{answer.text}" + (f"\n{written}" if written else "")
+
+
+def _arguments(words: Sequence[str]) -> list[str]:
+    """Return a command line whose values that begin with a minus, as -1,0,0, are not options."""
+    joined: list[str] = []
+    for word in words:
+        if re.match(r"-[\d.]", word) and joined and joined[-1].startswith("--"):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+def _as_typed(message: str, flags: Mapping[str, str]) -> str:
+    """Return a message on the argument of a function with the option that sets it."""
+    name, is_, rest = message.partition(" is ")
+    flag = flags.get(name, flags.get(name.removeprefix("n_"), name))
+    return f"{flag}{is_}{rest}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -473,7 +598,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     The code is 1 if the result is bad, 2 after a user error, 130 after an interrupt, and otherwise
     0. A user error is printed to standard error, with one line per fault in a file.
     """
-    parsed = _parser().parse_args(arguments)
+    whole = parser()
+    parsed = whole.parse_args(_arguments(sys.argv[1:] if arguments is None else arguments))
+    if parsed.command is None:
+        whole.print_help()
+        return 0
     try:
         return _run(parsed)
     except BrokenPipeError:
@@ -485,6 +614,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         lines = [str(mistake)]
         if isinstance(mistake, InputError) and len(mistake.faults) > 1:
             lines = [f"{mistake.file}:", *mistake.lines()]
+        elif isinstance(mistake, ArgumentError):
+            lines = [_as_typed(str(mistake), parsed.flags)]
         _print("shipnet: " + "\n  ".join(lines), sys.stderr)
         if parsed.json:
             faults = mistake.faults if isinstance(mistake, InputError) else ()

@@ -11,6 +11,7 @@ import functools
 import hashlib
 import inspect
 import os
+import pickle
 import sys
 import warnings
 from collections.abc import Callable
@@ -20,7 +21,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from textwrap import dedent
 from types import FunctionType
-from typing import Any, Generic, ParamSpec, TypeVar
+from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
 
 from shipnet.errors import ArgumentError
 
@@ -82,15 +83,9 @@ class Kernel(Generic[P, R]):
         scope = self.plain.__globals__ | {name: part.fast for name, part in self.parts.items()}
         function = FunctionType(self.plain.__code__, scope, self.plain.__name__)
         function.__module__, function.__qualname__ = self.plain.__module__, self.plain.__qualname__
-        folder = self._folder()
-        with suppress(OSError):
-            folder.mkdir(parents=True, exist_ok=True)
-        numba.config.CACHE_DIR, before = str(folder), numba.config.CACHE_DIR
-        try:
-            cache = os.access(folder, os.W_OK)
-            fast: Callable[P, R] = numba.njit(function, cache=cache, error_model="numpy")
-        finally:
-            numba.config.CACHE_DIR = before
+        dispatcher = numba.njit(function, error_model="numpy")
+        dispatcher._cache = _Cache(self)
+        fast: Callable[P, R] = dispatcher
         return fast
 
     def _files(self) -> set[str]:
@@ -103,6 +98,42 @@ class Kernel(Generic[P, R]):
         in_environment = sys.prefix != sys.base_prefix and os.access(sys.prefix, os.W_OK)
         base = Path(sys.prefix) if in_environment else Path.home() / ".cache" / "shipnet"
         return base / "kernels" / hashlib.sha256(sources).hexdigest()[:16]
+
+
+class _Cache(NamedTuple):
+    """The compiled forms of a kernel in files, one per signature, which numba loads and saves.
+
+    The first line of a file is a check sum. A file that is damaged, or cannot be read or written,
+    costs only the time of the compiler.
+    """
+
+    kernel: Kernel[..., Any]
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """Return the compiled form for a signature; None if there is none."""
+        context.refresh()
+        with suppress(Exception):
+            content = self._file(signature, context.codegen()).read_bytes()
+            check_sum, _, form = content.partition(b"\n")
+            if check_sum == hashlib.sha256(form).hexdigest().encode():
+                compiler = import_module("numba.core.compiler")
+                return compiler.CompileResult._rebuild(context, *pickle.loads(form))
+        return None
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Save the compiled form for a signature, if it contains no address."""
+        with suppress(Exception):
+            if not result.library.has_dynamic_globals:
+                form = import_module("numba.core.caching").dumps(result._reduce())
+                file = self._file(signature, result.codegen)
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(hashlib.sha256(form).hexdigest().encode() + b"\n" + form)
+
+    def _file(self, signature: Any, codegen: Any) -> Path:
+        plain, numba = self.kernel.plain, import_module("numba")
+        key = (sys.version, numba.__version__, codegen.magic_tuple(), plain.__module__, signature)
+        name = f"{plain.__name__}-{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.kernel"
+        return self.kernel._folder() / name
 
 
 def compiled(plain: Callable[P, R]) -> Kernel[P, R]:

@@ -13,8 +13,8 @@ __dir__ = __all__.copy
 
 _PACKAGE = Path(__file__).resolve().parent
 
-#: Tables, and recordings.
-_KINDS = (".csv", ".npz", ".sr")
+#: Tables, recordings, and rule bases.
+_KINDS = (".csv", ".npz", ".sr", ".toml")
 
 
 def _folder() -> Path:

@@ -33,6 +33,11 @@ UNITS: Sequence[Mapping[str, int]] = (
     {"byte": 0, "bytes": 0},
     {"bit": 0, "bits": 0},
     {"dec": 0, "hex": 0},
+    {"bar": 0, "mbar": -3, "pa": -5, "hpa": -3, "kpa": -2, "mpa": 1},
+    {"degc": 0, "\u00b0c": 0, "\u00bac": 0, "\u2103": 0},
+    {"%": 0, "percent": 0},
+    {"%/s": 0, "percent per s": 0},
+    {"": 0},  # of quantities whose unit is not converted
 )
 
 #: The units that a unit converts into, the unit itself included.
@@ -48,6 +53,7 @@ _OTHER = frozenset(
 def spelled(unit: str) -> str:
     """Return a unit as engineers write it."""
     units = {"ma": "mA", "a": "A", "mv": "mV", "v": "V", "h": "H", "mh": "mH", "uh": "uH"}
+    units |= {"pa": "Pa", "hpa": "hPa", "kpa": "kPa", "mpa": "MPa", "degc": "degC"}
     return units.get(unit, unit)
 
 
@@ -83,7 +89,7 @@ class Words:
     titles: Mapping[str, str]
     units: Mapping[str, str]
 
-    @lru_cache(4096)  # noqa: B019 # there are three objects, one per kind of list
+    @lru_cache(4096)  # noqa: B019 # one object per kind of list, and per log
     def column_of(self, title: str, assigned: tuple[tuple[str, str], ...] = ()) -> Column | None:
         """Return the column that a title, which may be in two languages, names, or None.
 
@@ -278,6 +284,7 @@ class Cells:
     grouped: ClassVar[tuple[str, ...]] = ()  #: Columns that may be given once per group.
     needs_unit: ClassVar[frozenset[str]] = frozenset()  #: Quantities without a usual unit.
     hint: ClassVar[str] = "rename them, or leave them out"  #: What to do about unknown titles.
+    missing: ClassVar[frozenset[str]] = frozenset()  #: Cells that mean that there is no value.
     has_spares: ClassVar[bool] = False  #: Whether rows marked spare or named by a dash are void.
 
     def __init__(
@@ -311,6 +318,14 @@ class Cells:
         for number, name in alone:
             expected = "a value; a ditto mark here has none above it"
             self.wrong([self.rows.index(number)], name, expected)
+        for name in self.words.units if self.missing else ():
+            cells = self[name]
+            marked = [row for row, cell in enumerate(cells) if cell.casefold() in self.missing]
+            if marked:
+                places = tuple(self.rows[row] for row in marked)
+                self.remarks.append(Remark(f"{self.title(name)}: marked as missing", places))
+            for row in marked:
+                cells[row] = ""
         # In a workbook, only cells of text show the decimal mark.
         quantities = [
             zip(self[name], self.typed(name), strict=True)

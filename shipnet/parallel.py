@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from threading import Thread
+from time import sleep
 from typing import Any, TypeAlias, TypeVar
 
 from shipnet.errors import load_extra
@@ -31,7 +33,7 @@ def spread(
 ) -> list[Any]:
     """Return ``function(task)`` for every task, in their order; `step` names the progress bar.
 
-    An error gets a note that names its task.
+    An error gets a note that names its task; an error or interrupt ends the other tasks.
     """
     tasks = list(tasks)
     if callable(workers):
@@ -43,32 +45,57 @@ def spread(
         here = workers == 1
         arriving = map(function, tasks) if here else _in_processes(function, tasks, workers)
     results = []
-    for number, task in enumerate(track(tasks, step)):
-        try:
-            results.append(next(arriving))
-        except Exception as error:
-            error.add_note(f"in task {number}: {task!r:.200}")
-            raise
+    try:
+        for number, task in enumerate(track(tasks, step)):
+            try:
+                results.append(next(arriving))
+            except Exception as error:
+                error.add_note(f"in task {number}: {task!r:.200}")
+                raise
+    finally:
+        # The generators of executors then cancel the tasks that are left after an error.
+        if isinstance(arriving, Generator):
+            arriving.close()
     return results
 
 
 def _in_processes(
     function: Callable[[Any], Any], tasks: Sequence[Any], workers: int
 ) -> Iterator[Any]:
-    """Yield the results of several processes, and start lost processes again."""
+    """Yield the results of several processes, which are replaced if lost and end with this one."""
     loky = load_extra("loky", "loky")
     count = loky.cpu_count() if workers == -1 else workers
     done = losses = 0
     while done < len(tasks):
-        pool = loky.get_reusable_executor(count, env={"OMP_NUM_THREADS": "1"})
+        pool = loky.get_reusable_executor(
+            count, env={"OMP_NUM_THREADS": "1"}, initializer=_end_with, initargs=(os.getpid(),)
+        )
         try:
             for result in pool.map(function, tasks[done:]):
-                yield result
                 done, losses = done + 1, 0
+                yield result
         except BrokenProcessPool as problem:
             losses += 1
             if losses == _MOST_LOSSES:
-                raise RuntimeError(f"processes died {losses} times in succession") from problem
+                raise ChildProcessError(
+                    f"processes died {losses} times in succession; if the memory is full, take "
+                    "fewer workers"
+                ) from problem
+        finally:
+            if done < len(tasks):
+                pool.shutdown(kill_workers=True)
+
+
+def _end_with(parent: int) -> None:
+    """End this process when its parent has died, which can happen without any notice."""
+
+    def watch() -> None:
+        # Windows reports the same parent for ever; there, only waiting processes end.
+        while os.getppid() == parent:
+            sleep(1)
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
 
 
 def track(items: Iterable[_T], step: str) -> Iterable[_T]:

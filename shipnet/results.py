@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
 
 from shipnet.answers import Findings
 from shipnet.errors import ArgumentError, load_extra
@@ -22,7 +23,9 @@ class Answer(NamedTuple):
     """The result of a command as text, as data and as a figure.
 
     A ``.csv`` file contains only the first of the `tables`; a workbook or folder contains all.
-    `forms` maps other suffixes to the functions that write such files.
+    `forms` maps other suffixes to the functions that write such files. Each of the `cases` for
+    JUnit is a name, the failure ("" for none), and whether it was not verified; without cases, each
+    finding is one, or else the whole answer.
     """
 
     ok: bool | None
@@ -33,6 +36,7 @@ class Answer(NamedTuple):
     draw: Callable[[Axes], object]
     findings: Findings | None = None
     forms: Mapping[str, Callable[[str], object]] = {}
+    cases: Sequence[tuple[str, str, bool]] = ()
 
     def json(self, command: str) -> str:
         """Return the result as JSON, `numbers` with their units; NaN and infinity become null."""
@@ -51,6 +55,32 @@ class Answer(NamedTuple):
             "tables": {name: _rows(table) for name, table in self.tables.items()},
         }
         return printable(json.dumps(data, indent=1, ensure_ascii=False)) + "\n"
+
+    def junit(self, command: str, file: str) -> str:
+        """Return the result as a test suite of JUnit XML, with one test per case."""
+        cases = self.cases or [(command, "" if self.ok else self.verdict, False)]
+        if self.findings is not None and not self.cases:
+            cases = [
+                (f"{row.rule}: {row.object}", _failure(row), bool(row.verdict == "not verified"))
+                for row in self.findings.table().itertuples()
+            ]
+        suite = ElementTree.Element(
+            "testsuite",
+            name=printable(file or command),
+            tests=str(len(cases)),
+            failures=str(sum(failure != "" for _, failure, _ in cases)),
+            skipped=str(sum(skipped for *_, skipped in cases)),
+        )
+        for name, failure, skipped in cases:
+            case = ElementTree.SubElement(
+                suite, "testcase", name=printable(name), classname=command
+            )
+            if failure:
+                ElementTree.SubElement(case, "failure", message=printable(failure))
+            elif skipped:
+                ElementTree.SubElement(case, "skipped")
+        ElementTree.indent(suite)
+        return ElementTree.tostring(suite, encoding="unicode")
 
     def save(self, file: str, command: str) -> None:
         """Save the result in the format given by the file's suffix."""
@@ -71,6 +101,15 @@ class Answer(NamedTuple):
             Path(file).mkdir(exist_ok=True)
             for name, table in self.tables.items():
                 (Path(file) / f"{name}.csv").write_bytes(as_csv(table))
+
+
+def _failure(row: Any) -> str:
+    """Return what a violated finding says, or ""."""
+    if row.verdict != "violated":
+        return ""
+    bounds = [("at least", row.low), ("at most", row.high)]
+    limits = [f"{word} {bound:g}" for word, bound in bounds if isfinite(bound)]
+    return f"{row.value:.4g} {row.unit}; it must be {' and '.join(limits)}"
 
 
 def _rows(table: pd.DataFrame) -> Any:

@@ -107,6 +107,13 @@ def limit(ax: Axes, level: float, name: str) -> None:
     ax.text(1.01, level, name, transform=beside, color=LIMIT["color"], va="center")
 
 
+def moment(ax: Axes, x: float, name: str) -> None:
+    """Draw a limit as a vertical line with its name at the top."""
+    ax.axvline(x, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
+    top = ax.get_xaxis_transform()
+    ax.text(x, 0.98, f" {name}", transform=top, color=LIMIT["color"], va="top")
+
+
 def legend(ax: Axes, columns: int = 4, **options: Any) -> None:
     """Draw the legend above the axes; `options` are those of `Axes.legend`."""
     above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
@@ -114,13 +121,13 @@ def legend(ax: Axes, columns: int = 4, **options: Any) -> None:
 
 
 def logarithmic(axis: Any) -> None:
-    """Make an axis logarithmic, with ticks at 1, 2 and 5 times each power of ten in its range."""
+    """Make an axis logarithmic, with ticks at 1, 2 and 5 times each power of ten."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
-    low, high = axis.get_view_interval()
-    ticks = [step * 10.0**power for power in range(-6, 7) for step in (1, 2, 5)]
-    shown = [tick for tick in ticks if low <= tick <= high]
-    axis.set_ticks(shown, labels=[f"{tick:g}" for tick in shown])
-    axis.set_ticks([], minor=True)
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_locator(NullLocator())
 
 
 def box(

@@ -183,8 +183,10 @@ def _decoded(data: bytes) -> tuple[str, str]:
         # Two bytes of Windows-1252, such as a degree sign and a letter, can be a rare syllable of
         # cp949. Nearly all Korean text is in the smaller set EUC-KR.
         korean = data.decode("cp949")
-        beyond = "".join(character for character in korean if not character.isascii())
-        if len(beyond.encode("euc-kr", errors="ignore")) > 1.8 * len(beyond):
+        beyond = [character for character in korean if not character.isascii()]
+        # Python writes a syllable that is not in the set as four characters of two bytes.
+        common = [one for one in beyond if len(one.encode("euc-kr", errors="ignore")) == 2]
+        if len(common) > 0.9 * len(beyond):
             return korean, "cp949"
     except UnicodeDecodeError:
         pass

@@ -1,22 +1,24 @@
 """The command line: one grammar for all commands; exit code 0 if good, 1 if bad, 2 for errors."""
 
+import io
 import json
 import re
 import shlex
 import subprocess
 import sys
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from shipnet import __main__ as command
-from shipnet import __version__, asi, can, datasets, line, modbus
+from shipnet import __version__, asi, ballast, can, datasets, fuzzy, line, modbus
 from shipnet.__main__ import main
 from shipnet.papers import ledger
 
 POINTS = "tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3\n"
-COMMANDS = ("ledger", "decode", "check", "can", "modbus", "design", "serve", "fleet")
+COMMANDS = ("ledger", "decode", "check", "can", "modbus", "diagnose", "design", "serve", "fleet")
 PLAN = """kind,node,to,length_m,address,profile,current_ma
 master,room,,,,,
 supply,room,,,,,
@@ -53,10 +55,18 @@ def words(points, scope, tmp_path):
         "ledger": ["ledger", "icn2007"],
         "decode": ["decode", scope],
         "check": ["check", str(tmp_path / "plan.csv")],
-        "can": ["can", str(tmp_path / "list.csv"), "--rates", "50k", "125k"],
+        "can": ["can", str(tmp_path / "list.csv"), "--rates", "50k,125k"],
         "modbus": MODBUS,
+        "diagnose": ["diagnose", log(tmp_path)],
         "design": design(points),
     }
+
+
+def log(folder, *rows):
+    """Write the log of a valve: by default, it opens and is healthy."""
+    rows = rows or [f"{k};90;4;1,2;50;{10 + 5 * k}" for k in range(8)]
+    (folder / "log.csv").write_text("\n".join(["time;FP;OP;MC;OT;VPos", *rows]))
+    return str(folder / "log.csv")
 
 
 def design(points, *more):
@@ -151,7 +161,7 @@ def test_a_can_list_is_analysed_and_late_messages_exit_with_1(words, tmp_path, c
     assert slow["numbers"]["lowest_bit_rate"]["value"] is None
     # In reverse order of identifiers: the best order and its benefit are reported.
     messages.ordered(reversed(messages.names)).save(file)
-    answer = asked(capsys, "can", file, "--rates", "125k", "250k", "1M")
+    answer = asked(capsys, "can", file, "--rates", "125k,250k,1M")
     best = answer["numbers"]["lowest_bit_rate_in_best_order"]["value"]
     assert best < answer["numbers"]["lowest_bit_rate"]["value"]
     order = [row["name"] for row in answer["tables"]["best_order"]]
@@ -264,7 +274,7 @@ def test_numbers_may_have_si_prefixes():
         (["can", "none.csv"], "none.csv: cannot be read: No such file"),
         (["can", "list.csv", "--rates", "5k", "--log", "a.log"], "cannot be combined"),
         (["can", "list.csv", "--column", "Every"], "--column is 'Every'; it must be TITLE=NAME"),
-        ([*MODBUS, "--slaves", "0"], "n_slaves is 0; it must be a whole number 1..247"),
+        ([*MODBUS, "--slaves", "0"], "--slaves is 0; it must be a whole number 1..247"),
         (["design", "list.csv", "--set", "detuor=1.5"], "'detuor'; the nearest is detour"),
         (["design", "list.csv", "--set", "detour"], "--set is 'detour'; it must be NAME=VALUE"),
     ],
@@ -285,7 +295,7 @@ def test_a_capture_given_as_a_table_names_its_readers(capsys):
         assert "can.read_capture" in error and "asi.decode" in error
 
 
-@pytest.mark.parametrize("arguments", [[], ["--help"], ["ledger", "--help"], ["nonsense"]])
+@pytest.mark.parametrize("arguments", [["--help"], ["ledger", "--help"], ["nonsense"]])
 def test_help_and_usage(arguments, capsys):
     with pytest.raises(SystemExit) as stop:
         main(arguments)
@@ -297,6 +307,126 @@ def test_help_and_usage(arguments, capsys):
         assert "usage: shipnet" in streams.err
 
 
+def test_no_command_prints_the_help_with_the_exit_codes(capsys):
+    assert main([]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "exit codes: 0 good, 1 done and the answer is bad, 2 could not be done" in shown
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        ([*MODBUS, "--bitrate", "9600"], "unknown argument '--bitrate'; did you mean --bit-rate?"),
+        (["can", "list.csv", "--xyzzy"], "unknown argument '--xyzzy'\n"),
+    ],
+)
+def test_an_unknown_option_shows_the_usage_of_its_command_and_the_nearest_option(
+    words, hint, capsys
+):
+    with pytest.raises(SystemExit):
+        main(words)
+    error = capsys.readouterr().err
+    assert hint in error and f"usage: shipnet {words[0]}" in error
+
+
+def test_a_coordinate_may_be_negative(points, capsys):
+    words = ["design", points, "--options", "home runs", "--json", "--cabinet"]
+    costs = []
+    for cabinet in ("-1,-2,0", "1,2,0"):
+        main([*words, cabinet])
+        comparison = json.loads(capsys.readouterr().out)["tables"]["comparison"]
+        costs.append(comparison[0]["total_cost_eur"])
+    assert costs[0] > costs[1]
+
+
+def test_a_minus_is_standard_input_and_standard_output(monkeypatch, capsys):
+    def given(text):
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.encode())))
+
+    given(PLAN)
+    assert main(["check", "-", "-o", "-"]) == 0
+    table = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    assert table["verdict"].eq("met").all() and len(table) > 5
+    given("not,a,plan\n")
+    assert main(["check", "-"]) == 2
+    assert capsys.readouterr().err.startswith("shipnet: standard input: ")
+
+
+def test_several_files_are_checked_in_one_call(tmp_path, capsys):
+    good, bad = tmp_path / "good.csv", tmp_path / "bad.csv"
+    good.write_text(PLAN)
+    bad.write_text(PLAN.replace("deck,70", "deck,700"))
+    assert main(["check", str(good), str(bad)]) == 1
+    shown = capsys.readouterr().out
+    assert shown.index(f"{good}:\n") < shown.index(f"{bad}:\n")
+    assert main(["check", str(good), str(good)]) == 0
+    capsys.readouterr()
+    assert main(["check", str(good), str(bad), "-o", str(tmp_path / "all.csv")]) == 2
+    assert "-o requires one file; 2 are given" in capsys.readouterr().err
+
+
+def test_junit_has_one_test_per_check_and_one_failure_per_violation(tmp_path, capsys):
+    plans = {"good.csv": PLAN, "bad.csv": PLAN.replace("deck,70", "deck,700")}
+    for name, text in plans.items():
+        (tmp_path / name).write_text(text)
+    files = [str(tmp_path / name) for name in plans]
+    assert main(["check", *files, "--junit"]) == 1
+    suites = list(ElementTree.fromstring(capsys.readouterr().out.encode()))
+    for suite, file in zip(suites, files, strict=True):
+        findings = asi.read_plan(file).check()
+        assert int(suite.get("tests")) == len(suite) == len(findings)
+        assert int(suite.get("failures")) == len(list(suite.iter("failure")))
+        assert int(suite.get("failures")) == len(findings.violated())
+    assert "it must be at most" in suites[1].find("testcase/failure").get("message")
+
+
+def test_junit_of_a_scan_and_of_a_log(tmp_path, capsys):
+    assert main([*MODBUS, "--limit", "0.1", "--junit"]) == 1
+    (suite,) = ElementTree.fromstring(capsys.readouterr().out.encode())
+    assert suite.get("failures") == suite.get("tests") == "1"
+    messages, log = tmp_path / "list.csv", tmp_path / "trip.log"
+    can.example().save(messages)
+    sent = can.MessageSet(list(can.example())[1:])
+    can.simulate(sent, 125_000, until=5.0).log().save(log)
+    code = main(["can", str(messages), "--log", str(log), "--junit"])
+    (suite,) = ElementTree.fromstring(capsys.readouterr().out.encode())
+    compared = can.compare(can.read_messages(messages), log)
+    bad = (compared.table()["verdict"] != "as planned").sum()
+    assert int(suite.get("failures")) == bad == 1 and code == 1
+    assert int(suite.get("tests")) == len(compared.table())
+    assert main(["can", str(messages), "--junit"]) == 2
+    assert "--junit requires --log" in capsys.readouterr().err
+
+
+def test_diagnose_reports_each_fault_with_its_time_and_reason(tmp_path, capsys):
+    rows = [f"12:00:0{k};{90 + 10 * k};3,5;1,2;50;50" for k in range(9)]
+    answer = asked(capsys, "diagnose", log(tmp_path, *rows), code=1)
+    # V1 fires from 120 bar, in the fourth row, and is reported after three of five rows.
+    assert answer["verdict"] == "9 samples: 4 V1, 5 normal"
+    (fault,) = answer["tables"]["not_normal"]
+    reason = fault.pop("reason")
+    assert fault == {"start_s": 5, "end_s": 8, "top": "V1", "samples": 4}
+    assert reason == "V1 1.00: FP 140 bar high 1.00, OP 3.5 bar high 1.00"
+    assert [row["top"] for row in answer["tables"]["samples"]] == ["normal"] * 5 + ["V1"] * 4
+    assert answer["tables"]["reading"] == [{"how the log was read": "DVPos computed from VPos"}]
+
+
+def test_diagnose_uses_ones_own_rules(tmp_path, capsys):
+    file = log(tmp_path)
+    rules = tmp_path / "my.toml"
+    base = ballast.rule_base()
+    fuzzy.RuleBase(base.variables, [fuzzy.Rule("Mine", "OP.high", 1)]).save(rules)
+    assert asked(capsys, "diagnose", file)["verdict"] == "8 samples: 8 normal"
+    answer = asked(capsys, "diagnose", file, "--rules", rules, code=1)
+    assert answer["numbers"] == {
+        "Mine": {"value": 6, "unit": ""},
+        "normal": {"value": 2, "unit": ""},
+    }
+    rules.write_text(rules.read_text().replace("OP.high", "OP.hot"))
+    assert main(["diagnose", file, "--rules", str(rules)]) == 2
+    assert capsys.readouterr().err == f"shipnet: {rules}: Mine: OP.hot is not a term\n"
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_examples_in_the_help_are_right(name, capsys):
     with pytest.raises(SystemExit):
@@ -304,7 +434,7 @@ def test_the_examples_in_the_help_are_right(name, capsys):
     examples = re.findall(r"^  shipnet ([^>\n]+)", capsys.readouterr().out, re.MULTILINE)
     assert examples
     for words in examples:
-        assert command._parser().parse_args(shlex.split(words)).command == name
+        assert command.parser().parse_args(shlex.split(words)).command == name
 
 
 def test_the_faults_of_a_file_are_reported_line_by_line_and_as_json(tmp_path, capsys):

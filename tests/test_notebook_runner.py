@@ -182,7 +182,7 @@ def test_a_file_affects_the_notebooks_that_import_it_and_no_others():
     assert {"04_polling", "2_access"} <= stems("shipnet/asi/timing.py")
     assert not {"05_can", "1_buses"} & stems("shipnet/asi/timing.py")
     assert stems("shipnet/exercises/lesson_03.py") == {"03_frames"}
-    assert stems("shipnet/tools/page.css") > {"asi_line", "can_load"}
+    assert stems("shipnet/tools/page.css") > {"asi_bench", "can_load"}
     assert stems("notebooks/lessons/05_can.ipynb") == {"05_can"}
     assert stems("docs/build.py") == stems() == set()
     assert {"1_telegrams", "2_diagnosis", "00_start_here"} <= stems("data/claims.csv")

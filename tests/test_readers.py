@@ -14,7 +14,7 @@ import numpy as np
 import openpyxl
 import pytest
 
-from shipnet import asi, ballast, can, datasets, design, engine, files, line, remote_control
+from shipnet import asi, ballast, can, datasets, design, engine, files, fuzzy, line, remote_control
 from shipnet.__main__ import main
 from shipnet.errors import ArgumentError, FrameError, InputError
 from tests.fuzz.targets import TARGETS
@@ -25,6 +25,7 @@ REFUSALS = (ArgumentError, FrameError, InputError)
 READERS = {
     "asi.decode": (asi.decode, ".csv"),
     "asi.read_plan": (asi.read_plan, ".csv"),
+    "ballast.read_log": (ballast.read_log, ".csv"),
     "ballast.read_strokes": (ballast.read_strokes, ".npz"),
     "can.analyse": (can.analyse, ".csv"),
     "can.compare": (lambda path: can.compare(can.example(), path), ".log"),
@@ -38,6 +39,7 @@ READERS = {
     "design.RuleSet": (design.RuleSet.read, ".csv"),
     "design.Settings": (design.Settings.read, ".toml"),
     "engine.read_points": (engine.read_points, ".csv"),
+    "fuzzy.read_rules": (fuzzy.read_rules, ".toml"),
     "line.Waveform": (line.Waveform.read, ".csv"),
     "line.Waveform, numpy": (line.Waveform.read, ".npy"),
     "remote_control.read_capture": (remote_control.read_capture, ".sr"),
@@ -50,6 +52,8 @@ COMMANDS = {
     "check {}": (".csv", "asi plan"),
     "can {}": (".csv", "can messages"),
     "can messages.csv --log {}": (".log", "can log.log"),
+    "diagnose {}": (".csv", "log of a valve"),
+    "diagnose list.csv --rules {}": (".toml", "rules"),
     "design {}": (".xlsx", "I/O list.xlsx"),
     "design list.csv --settings {}": (".toml", "settings"),
     "design list.csv --rules {}": (".csv", "class rules"),

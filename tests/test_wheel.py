@@ -29,8 +29,9 @@ def test_wheel_holds_package_and_data_and_nothing_else(wheel):
     assert {f"shipnet/data/{name}" for name in datasets.names()} <= set(names)
     code = {path.relative_to(ROOT).as_posix() for path in (ROOT / "shipnet").rglob("*.py*")}
     assert {path for path in code if "__pycache__" not in path} <= set(names)
-    others = "shipnet.mplstyle py.typed data/SOURCES.md tools/page.css tools/pages.toml"
-    assert {f"shipnet/{name}" for name in [*others.split(), "design/report.css"]} <= set(names)
+    others = "shipnet.mplstyle py.typed data/SOURCES.md design/report.css"
+    tools = "tools/bench.js tools/page.css tools/pages.toml"
+    assert {f"shipnet/{name}" for name in f"{others} {tools}".split()} <= set(names)
     assert not any("__pycache__" in name for name in names)
 
 

@@ -112,6 +112,10 @@ class Reception(NamedTuple):
         even = (self.weakest >= TOLERANCE.evenness) & (self.ringing <= TOLERANCE.ringing)
         return np.asarray((self.error == 0) & even)
 
+    def looks(self, wave: Waveform) -> Floats:
+        """Return the times at which the receiver looked at one telegram [s], NaN if it did not."""
+        return wave.start + self.start + HALF_BIT * (np.arange(self.slots.size) + 0.5)
+
     @style.applied
     def plot(
         self, wave: Waveform, ax: Axes | None = None, *, receiver: Receiver | None = None
@@ -127,7 +131,7 @@ class Reception(NamedTuple):
             ax.plot(t, seen, color="C0", label="after the filter")
         end = wave.span[1] * 1e6 + 21
         if np.isfinite(self.start):
-            middles = wave.start + self.start + HALF_BIT * (np.arange(self.slots.size) + 0.5)
+            middles = self.looks(wave)
             heights = np.interp(middles, wave.t, seen)
             filled = self.slots != 0
             ax.plot(middles[filled] * 1e6, heights[filled], "o", color="C1", label="pulse")

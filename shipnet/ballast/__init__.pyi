@@ -8,6 +8,7 @@ from .live import ModelValves as ModelValves
 from .live import TestBed as TestBed
 from .live import acceptance_tests as acceptance_tests
 from .live import serve as serve
+from .log_file import read_log as read_log
 from .master import MasterRun as MasterRun
 from .master import Screen as Screen
 from .plant import FAULTS as FAULTS

@@ -387,7 +387,7 @@ class Diagnosis:
         ax, base = style.axes(ax), self.base
         strength = self.firing(valve).strength.max(axis=0)
         active = np.any(self.active[:, self._place(valve)], axis=0)
-        names = [f"{rule.english or rule.flag} ({rule.code})" for rule in base.rules]
+        names = [style.literal(f"{one.english or one.flag} ({one.code})") for one in base.rules]
         colours = [style.LIMIT["color"] if on else "0.75" for on in active]
         ax.barh(names, strength, color=colours)
         ax.invert_yaxis()

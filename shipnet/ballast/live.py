@@ -560,7 +560,7 @@ class Readout:
         row = self.rows.loc[valve]
         if pd.isna(row["fault"]):
             return {}
-        way = "open" if row["open"] else "close" if row["close"] else "no command yet"
+        way = "open" if row["open"] else "close" if row["close"] else "none"
         return {
             "position": reading_text(row["VPos_percent"], 0, "%"),
             "pump pressure": reading_text(row["FP_bar"], 0, "bar"),
@@ -568,7 +568,8 @@ class Readout:
             "motor current": reading_text(row["MC_A"], 1, "A"),
             "motor temperature": reading_text(row["OT_degC"], 0, "degC"),
             "motor ran": f"{row['operating_s']:.1f} s",
-            "mode": f"{'auto' if row['auto'] else 'manual'}, last command {way}",
+            "mode": "auto" if row["auto"] else "manual",
+            "last command reported": way,
             "fault reported": str(int(row["fault"])) if row["fault"] else "none",
         }
 

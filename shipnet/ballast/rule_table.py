@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from functools import cache
 from math import inf
 
 from shipnet import datasets
 from shipnet.arrays import Bools
 from shipnet.fields import check_choice, check_scalar
+from shipnet.fuzzy.rule_file import read_rules
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.terms import Rule, Term, Variable
 from shipnet.lazy import pd
@@ -57,39 +57,7 @@ def rule_base(slow_stroke: float | None = None) -> RuleBase:
 @cache
 def _paper() -> RuleBase:
     """Return the rules of the paper; a rule base is immutable, so one is enough."""
-    rows = _rows("kim2014_assumed_terms.csv")
-    variables = [
-        Variable(
-            row["variable"],
-            row["unit"],
-            float(row["low"]),
-            float(row["high"]),
-            tuple(
-                _term(term) for term in rows if term["variable"] == row["variable"] and term["term"]
-            ),
-            row["english"],
-        )
-        for row in rows
-        if not row["term"]
-    ]
-    rules = [
-        Rule(row["code"], row["antecedent"], int(row["priority"]), row["flag"], row["english"])
-        for row in _rows("kim2014_assumed_rules.csv")
-    ]
-    return RuleBase(variables, rules)
-
-
-def _term(row: dict[str, str]) -> Term:
-    """Return the term of a row; an empty corner means an open shoulder."""
-    a, b = (float(row[corner] or -inf) for corner in ("left_foot", "left_shoulder"))
-    c, d = (float(row[corner] or inf) for corner in ("right_shoulder", "right_foot"))
-    return Term(row["term"], (a, b, c, d), row["crisp"], row["english"])
-
-
-def _rows(name: str) -> list[dict[str, str]]:
-    """Return the rows of a data file; a server need not load pandas for this."""
-    with datasets.path(name).open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+    return read_rules(datasets.path("kim2014_assumed_rules.toml"))
 
 
 def rule_vectors(version: str = "corrected", *, fill: str = "absent") -> pd.DataFrame:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -31,13 +31,7 @@ READ_STATUS = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 _SCREEN = 2.0
 
 
-def status_poll(
-    line: SerialLine | float = 9600.0,
-    *,
-    processing: float = 0.0,
-    timeout: float = 1.0,
-    retries: int = 0,
-) -> Poll:
+def status_poll(line: SerialLine | float = 9600.0, **timing: Any) -> Poll:
     """Return the poll with which a master reads the status of a valve: four input registers.
 
     Parameters
@@ -45,12 +39,8 @@ def status_poll(
     line : float or line, default 9600
         Bit rate [bit/s] of a line with 8E1 characters, or the settings of the line. The paper
         prints neither.
-    processing : float, default 0
-        Time that slave and master need per transaction in addition to the silences [s].
-    timeout : float, default 1
-        Response time-out of the master [s].
-    retries : int, default 0
-        Number of times that the master repeats an unanswered request.
+    **timing
+        The arguments `processing`, `timeout` and `retries` of `Poll`.
 
     Returns
     -------
@@ -64,7 +54,7 @@ def status_poll(
     (8, 13, 32.08)
     """
     serial = line if isinstance(line, SerialLine) else SerialLine(line)
-    return Poll(READ_STATUS, serial, processing=processing, timeout=timeout, retries=retries)
+    return Poll(READ_STATUS, serial, **timing)
 
 
 def command_poll(poll: Poll) -> Poll:

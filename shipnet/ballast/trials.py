@@ -24,7 +24,7 @@ from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng, check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
-from shipnet.fuzzy.rules import draw_matrix
+from shipnet.fuzzy.rules import RuleBase, draw_matrix
 from shipnet.fuzzy.terms import NORMAL, UNDETERMINED
 from shipnet.html import as_html
 from shipnet.intervals import event_interval, share_interval
@@ -170,6 +170,7 @@ def fault_trials(
     n_valves: int = 256,
     severity: npt.ArrayLike = 1.0,
     methods: Iterable[str] = METHODS,
+    rules: RuleBase | None = None,
     rng: Any,
 ) -> Trials:
     """For each fault, open and close a set of valves once, and diagnose them.
@@ -185,6 +186,9 @@ def fault_trials(
     methods : iterable of str, optional
         Methods of diagnosis, applied to the same readings: ``crisp``, ``midpoint`` and ``fuzzy`` if
         omitted.
+    rules : RuleBase, optional
+        Rules of diagnosis, by default those of the paper. A fault is named or isolated by the rule
+        that has its code.
     rng : Generator, int or None
         Seed or generator (`numpy.random.default_rng`) of valve differences and sensor noise.
 
@@ -214,7 +218,7 @@ def fault_trials(
             f"severity is {severity!r}; it must be 0..1, one value for all or {valves} values"
         ) from None
     severities = np.tile(each, len(chosen))
-    base = rule_base()
+    base = rules if rules is not None else rule_base()
     faults = np.repeat(np.array(chosen, dtype=object), valves)
     places = {code: np.flatnonzero(faults == code) for code in chosen if code != NORMAL}
     plan = [Fault(code, severities[where], valves=where + 1) for code, where in places.items()]
@@ -229,7 +233,7 @@ def fault_trials(
         rng=generator,
         size=_BLOCK,
     )
-    for block in track(_diagnosed(runs, ways), "fault trials"):
+    for block in track(_diagnosed(runs, ways, base), "fault trials"):
         for method, diagnosis in block.items():
             active[method] |= diagnosis.active.any(axis=0)
             first[method] = np.fmin(first[method], diagnosis.alarm_times)
@@ -258,11 +262,13 @@ def fault_trials(
     return Trials(pd.concat(tables, ignore_index=True))
 
 
-def _diagnosed(runs: Iterable[Run], methods: Iterable[str]) -> Iterator[dict[str, Diagnosis]]:
+def _diagnosed(
+    runs: Iterable[Run], methods: Iterable[str], rules: RuleBase | None
+) -> Iterator[dict[str, Diagnosis]]:
     """Diagnose consecutive blocks with every method."""
     tails: dict[str, Tail] = {}
     for run in runs:
-        block = {m: diagnose_run(run, method=m, earlier=tails.get(m)) for m in methods}
+        block = {m: diagnose_run(run, rules, method=m, earlier=tails.get(m)) for m in methods}
         tails = {method: diagnosis.tail for method, diagnosis in block.items()}
         yield block
 
@@ -280,6 +286,7 @@ def false_alarms(
     until: float = 3600.0,
     period: float = 600.0,
     methods: Iterable[str] = METHODS,
+    rules: RuleBase | None = None,
     rng: Any,
 ) -> pd.DataFrame:
     """Operate healthy valves, and count the faults reported for them.
@@ -292,7 +299,7 @@ def false_alarms(
         End time, `period`..1e7 [s].
     period : float, default 600
         Time between two commands, 60..1e6 [s]. They alternately open and close all valves.
-    methods, rng
+    methods, rules, rng
         As for `fault_trials`.
 
     Returns
@@ -329,7 +336,7 @@ def false_alarms(
     end = starts[-1] + every - 0.1
     runs = blocks(system, orders, until=end, rng=generator, size=max(2**19 // valves, 1))
     last = 0.0
-    for block in track(_diagnosed(runs, chosen), "false alarms"):
+    for block in track(_diagnosed(runs, chosen, rules), "false alarms"):
         for method, diagnosis in block.items():
             of = np.minimum((diagnosis.time + 1e-6) // every, starts.size - 1).astype(int)
             calm = np.isin(diagnosis.top, [NORMAL, UNDETERMINED])
@@ -548,6 +555,7 @@ def run_fleet(
     *,
     faults: Fault | Iterable[Fault] = (),
     until: float = 86400.0,
+    rules: RuleBase | None = None,
     rng: Any = None,
 ) -> FleetReport:
     """Simulate and diagnose a fleet block by block; store its alarms but not its samples.
@@ -564,6 +572,8 @@ def run_fleet(
         Faults of the valves, such as those from `Fault.random`.
     until : float, default 86400
         End time, up to 1e8 [s].
+    rules : RuleBase, optional
+        Rules of diagnosis, by default those of the paper.
     rng : Generator, int or None, optional
         Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
 
@@ -594,7 +604,7 @@ def run_fleet(
     runs = blocks(fleet, commands, faults=failed, until=end, rng=rng)
     n_samples, strokes, alarms, signals = 0, [], [], []
     shown = np.full((1, fleet.n_valves), NORMAL, dtype=object)
-    for block in track(_diagnosed(runs, ["fuzzy"]), "diagnosis of the fleet"):
+    for block in track(_diagnosed(runs, ["fuzzy"], rules), "diagnosis of the fleet"):
         diagnosis = block["fuzzy"]
         n_samples += diagnosis.time.size * fleet.n_valves
         strokes.append(

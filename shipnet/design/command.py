@@ -47,9 +47,9 @@ def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
             arguments.list, sheet=arguments.sheet, settings=settings, strict=arguments.strict
         )
     except InputError as mistake:
-        save_faults(arguments.faults, mistake.file, mistake.faults)
+        save_faults(arguments.save_faults, mistake.file, mistake.faults)
         raise
-    save_faults(arguments.faults)
+    save_faults(arguments.save_faults)
     return iolist.compare(arguments.cabinet, options, settings=settings, mix=mix, rules=rules)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.answers import Findings
+from shipnet.design import ship
 from shipnet.design.costs import (
     CRITERIA,
     FIGURES,
@@ -40,13 +41,14 @@ from shipnet.design.plot import plot_pareto, plot_ranges
 from shipnet.design.points import ROUNDED, PointTable
 from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RuleSet
-from shipnet.design.settings import Settings, kind_of, names, shown
+from shipnet.design.settings import Settings, kind_of, names
 from shipnet.design.tables import file_name, save_files
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng
 from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv
+from shipnet.toml_file import shown
 
 #: Columns on the segments of buses; each shows the highest value of all segments of a design.
 _BUS = ("bus_time", "capacity_used")
@@ -351,6 +353,15 @@ class Comparison:
         return plot_pareto(
             whole[[x, y]].set_axis([label(x), label(y)], axis=1), self.pareto(x, y), ax=ax
         )
+
+    def drawing(self) -> ship.ShipDrawing:
+        """Return all designs in the ship, in which a cable or device that is clicked fails."""
+        notes = {}
+        for name, design in self.designs.items():
+            cost = f"{number(self.quantities[name]['total_cost_eur'])} EUR"
+            rules = [f"violates {self._violated[name]}"] if name in self._violated else []
+            notes[name] = "; ".join([cost, ship.note(design), *rules])
+        return ship.draw(self.designs, notes)
 
     def plan(
         self,

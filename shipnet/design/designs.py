@@ -13,7 +13,7 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Findings
-from shipnet.design import costs, drawing, failures, tables
+from shipnet.design import costs, drawing, failures, ship, tables
 from shipnet.design.costs import Quantities
 from shipnet.design.layout import Layout
 from shipnet.design.plot import draw_cables
@@ -123,6 +123,10 @@ class Design(Layout):
     def single_line(self) -> str:
         """Return the single-line drawing as SVG: cabinet, boxes and stations on their trunks."""
         return drawing.single_line(self)
+
+    def drawing(self) -> ship.ShipDrawing:
+        """Return the side and plan view, in which a cable or device that is clicked fails."""
+        return ship.draw({self.name: self}, {self.name: ship.note(self)})
 
     def files(self) -> Iterator[tuple[str, bytes]]:
         """Yield the name and the content of each file that `save` writes."""

@@ -151,18 +151,18 @@ def _rows(design: Layout) -> Iterator[_Row]:
     fed = dict(zip(feeders["a"].tolist(), feeders["b"].tolist(), strict=True))
     # Of a doubled segment, only line A is drawn.
     first = design.devices[design.devices["line"] != "B"]
-    for segment, name, kind, at in _values(first, "segment", "device", "kind", "at"):
+    for segment, name, kind, at in values(first, "segment", "device", "kind", "at"):
         # A supply without a housing is drawn beside the device that it feeds.
         devices[segment].append((name, kind, at or fed.get(name, "")))
     laid = design.cables[design.cables["kind"] == "trunk"]
     columns = "a", "b", "cable", "line", "length_m"
-    for segment, trunk in zip(laid["segment"].tolist(), _values(laid, *columns), strict=True):
+    for segment, trunk in zip(laid["segment"].tolist(), values(laid, *columns), strict=True):
         trunks[segment].append(trunk)
     counts = _counts(design)
     hardwired = _hardwired(design, devices[""], trunks[""], counts)
     blocks = [("hardwired", _COLOURS[-1], hardwired)] if hardwired.children else []
     for number, (segment, points, length) in enumerate(
-        _values(design.segments, "segment", "points", "length_m")
+        values(design.segments, "segment", "points", "length_m")
     ):
         colour, runs = _COLOURS[number % len(_COLOURS)], trunks[segment]
         single = [run for run in runs if run[3] != "B"]
@@ -179,7 +179,7 @@ def _rows(design: Layout) -> Iterator[_Row]:
             yield row
 
 
-def _values(table: pd.DataFrame, *columns: str) -> Iterator[tuple[Any, ...]]:
+def values(table: pd.DataFrame, *columns: str) -> Iterator[tuple[Any, ...]]:
     """Yield some values of each row as Python objects."""
     return zip(*(table[column].tolist() for column in columns), strict=True)
 
@@ -187,7 +187,7 @@ def _values(table: pd.DataFrame, *columns: str) -> Iterator[tuple[Any, ...]]:
 def _counts(design: Layout) -> dict[str, str]:
     """Return, for each device, the number of its points by type and their systems, in words."""
     types, systems = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
-    listed = _values(design.iolist.points, "type", "system")
+    listed = values(design.iolist.points, "type", "system")
     for device, (kind, system) in zip(design.points["device"].tolist(), listed, strict=True):
         types[device].append(kind)
         systems[device].append(system)
@@ -216,7 +216,7 @@ def _hardwired(
     home = design.cables[design.cables["kind"] == "home run"]
     system = dict(zip(design.points["tag"], design.iolist.points["system"], strict=True))
     runs = defaultdict[str, list[float]](list)
-    for tag, length in _values(home, "b", "length_m"):
+    for tag, length in values(home, "b", "length_m"):
         runs[system[tag]].append(length)
     for name, metres in runs.items():
         words = f"{len(metres)} home runs of {min(metres):.0f} to {max(metres):.0f} m"

@@ -19,8 +19,8 @@ from shipnet.design.designs import Design
 from shipnet.design.drawing import sheets
 from shipnet.design.failures import FAILURES
 from shipnet.design.plot import plot_pareto, plot_ranges
-from shipnet.design.settings import shown
 from shipnet.errors import listed
+from shipnet.toml_file import shown
 
 #: Note on the first page of a report and at the end of a printed comparison.
 BANNER = "A design aid, not class approval."
@@ -392,7 +392,8 @@ def _pictures(comparison: Any, likely: pd.DataFrame) -> str:
         figures.append(
             picture(svg(tornado.plot), f"Effect of each assumption on the {tornado.subject}.")
         )
-    return section("Figures", f'<div class="pair">{"".join(figures)}</div>')
+    ship = comparison.drawing().html if comparison.iolist.located.any() else ""
+    return section("Figures", f'{ship}<div class="pair">{"".join(figures)}</div>')
 
 
 def _rules(rules: Any, options: Sequence[str]) -> str:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import re
-import tomllib
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import MISSING, dataclass, field, fields, replace
 from difflib import get_close_matches
 from functools import cache, partial
-from itertools import accumulate
-from json import dumps
 from os import PathLike
 from pathlib import Path
 from textwrap import wrap
@@ -40,6 +36,7 @@ from shipnet.lazy import pd
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.uart import CHARACTERS
 from shipnet.tables import save_suffix, text_of
+from shipnet.toml_file import parse_toml, shown
 
 # Kinds of values that only designs have ------------------------------------------------------
 
@@ -293,28 +290,6 @@ _EXAMPLES: Mapping[str, str] = {
     "decks": "# Decks and their z in m:\n# [decks]\n# DK3 = 8.0",
 }
 
-#: A value with a decimal comma.
-_COMMA = re.compile(r"^[\w. \t]+=[ \t]*([0-9]+,[0-9]+)[ \t]*(?:#.*)?$", re.MULTILINE)
-
-#: Maximum length of a settings file in characters, and maximum nesting depth: the time to read TOML
-#: grows with the square of each.
-_LARGEST, _DEEPEST = 1_000_000, 8
-
-#: Patterns for strings and comments, for brackets, and for a key with too many parts.
-_QUOTED = re.compile(r""""[^"\n]*"|'[^'\n]*'|#[^\n]*""")
-_BRACKET = re.compile(r"[\[{]|[\]}]")
-_LONG_KEY = re.compile(rf"(?<![\w\"-])(?:[\w\"-]+[ \t]*\.[ \t]*){{{_DEEPEST}}}")
-
-
-def _check_size(text: str, source: str) -> None:
-    """Raise InputError if text is too long or too deeply nested to be read quickly."""
-    if len(text) > _LARGEST:
-        raise InputError(source, f"has {len(text)} characters; at most {_LARGEST} are allowed")
-    bare = _QUOTED.sub('""', text)
-    depths = accumulate(1 if one in "[{" else -1 for one in _BRACKET.findall(bare))
-    if max(depths, default=0) > _DEEPEST or _LONG_KEY.search(bare):
-        raise InputError(source, f"nests values more than {_DEEPEST} deep; 2 levels are enough")
-
 
 @dataclass(frozen=True, init=False, repr=False)
 class Settings(_Plain):
@@ -458,15 +433,7 @@ class Settings(_Plain):
     @classmethod
     def parse(cls, text: str, source: str = "text") -> Settings:
         """Read settings from TOML text, or raise InputError with all faults."""
-        _check_size(text, source)
-        try:
-            tables = tomllib.loads(text)
-        except ValueError as error:
-            reason = " ".join(str(error).split())[:200]
-            if comma := _COMMA.search(text):
-                reason += f"; {comma[1]} has a comma instead of a point"
-            raise InputError(source, f"is not a TOML file: {reason}") from None
-        settings, faults = _default().tried(tables)
+        settings, faults = _default().tried(parse_toml(text, source))
         if faults:
             raise InputError(source, *faults)
         return settings
@@ -493,7 +460,7 @@ class Settings(_Plain):
                 lines += [f"# {line}" for line in wrap(comment, 98)]
             lines += [f"{key} = {shown(self[name])}", ""]
         for words, pairs in zip(Reading._fields, self.reading, strict=True):
-            quoted = [[dumps(each, ensure_ascii=False) for each in pair] for pair in pairs]
+            quoted = [[shown(each) for each in pair] for pair in pairs]
             lines += (
                 ["", f"[{words}]", *map(" = ".join, quoted)] if pairs else ["", _EXAMPLES[words]]
             )
@@ -549,15 +516,6 @@ def legal(name: str) -> str:
     text = words.get(type(kind), "") + kind.legal
     unit = "" if isinstance(kind, _Ends | _BitRates) else kind.unit
     return f"{text} {unit}".rstrip()
-
-
-def shown(value: object) -> str:
-    """Return a value as TOML text."""
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(shown, value))}]"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return f'"{value}"' if isinstance(value, str) else repr(value)
 
 
 def _plain(value: object) -> object:

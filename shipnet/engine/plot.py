@@ -35,8 +35,8 @@ _LABELS = {name: f"{name} interrupt" for name in ("CAN", "timer", "Modbus")}
 #: Greys of the frames on the bus, by sender.
 _SENDERS = ("0.25", "0.55", "0.8")
 
-#: Maximum number of bars, number of tiles per row, and size of the tiles' text [1/72 inch].
-_MOST_BARS, _TILES, _SIZE = 5000, 9, 9
+#: Maximum number of bars, least tiles per row that show tags, size of their text [1/72 inch].
+_MOST_BARS, _TAGGED, _SIZE = 5000, 9, 9
 
 
 @style.applied
@@ -82,7 +82,10 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
 def plot_ages(
     ages: pd.DataFrame, *, ax: Axes | None, limits: Mapping[str, float] | None, label: str
 ) -> Axes:
-    """Draw the age of a point over time; the background is shaded while the point is marked."""
+    """Draw the age of a point over time; the background is shaded while the point is marked.
+
+    On axes that have lines already, the line is dashed.
+    """
     ax = style.axes(ax)
     good = ages["age_s"].notna()
     gap = np.full(len(ages), np.nan)
@@ -91,7 +94,8 @@ def plot_ages(
     joined = (ages["good_until_s"] == ages["until_s"]) & good
     # A new value makes the line drop vertically; after a mark a new line begins.
     y[:, 2] = np.where(joined, np.append(ages["age_s"].iloc[1:], np.nan), np.nan)
-    (line,) = ax.plot(x.ravel(), y.ravel(), label=label or None)
+    dashes = "--" if ax.lines else "-"
+    (line,) = ax.plot(x.ravel(), y.ravel(), dashes, label=label or None)
     bad = ages[ages["good_until_s"] < ages["until_s"]]
     marked = f"{label}, marked".lstrip(", ")
     for begin, end in zip(bad["good_until_s"], bad["until_s"], strict=True):
@@ -107,22 +111,27 @@ def plot_ages(
 
 
 @style.applied
-def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
+def plot_screen(
+    table: pd.DataFrame, *, ax: Axes | None, old: float, columns: int = _TAGGED
+) -> Axes:
     """Draw the screen of the AMS as tiles, one per point, with its value or its mark."""
     ax = style.axes(ax)
     table = table.reset_index()
     words: list[tuple[float, float, str, str]] = []
     tiles: dict[str, list[tuple[int, int, str]]] = {"": [], "//": []}
-    columns = [table[name].tolist() for name in ("tag", "value", "unit", "age_s", "mark")]
-    for tile, (tag, value, unit, age, mark) in enumerate(zip(*columns, strict=True)):
-        y, x = divmod(tile, _TILES)
+    shown = [table[name].tolist() for name in ("tag", "value", "unit", "age_s", "mark")]
+    for tile, (tag, value, unit, age, mark) in enumerate(zip(*shown, strict=True)):
+        y, x = divmod(tile, columns)
         colour, text, ink = "#d6eaf8", f"{value:g} {unit}".rstrip(), "0.1"
         if mark:
             colour, text, ink = "0.2", mark, "1.0"
         elif age > old:
             colour, text = "#E69F00", f"{text}*"
         tiles["//" if mark == "0xFF?" else ""].append((x, y, colour))
-        words += [(x + 0.47, y + 0.63, text, ink), (x + 0.47, y + 0.27, tag[-7:], ink)]
+        if columns < _TAGGED:
+            words.append((x + 0.47, y + 0.45, text, ink))
+        else:
+            words += [(x + 0.47, y + 0.63, text, ink), (x + 0.47, y + 0.27, tag[-7:], ink)]
     for hatch, some in tiles.items():
         corners = [[(x, y), (x + 0.94, y), (x + 0.94, y + 0.9), (x, y + 0.9)] for x, y, _ in some]
         colours = [colour for *_, colour in some]
@@ -149,7 +158,7 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
         Patch(facecolor="0.2", edgecolor="0.3", label="marked"),
     ]
     style.legend(ax, handles=handles)
-    ax.set(xlim=(0, _TILES), ylim=(-(-len(table) // _TILES), 0), xticks=[], yticks=[])
+    ax.set(xlim=(0, columns), ylim=(-(-len(table) // columns), 0), xticks=[], yticks=[])
     ax.set_xlabel("AMS, synthetic values")
     ax.grid(visible=False)
     return ax

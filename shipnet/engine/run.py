@@ -20,7 +20,7 @@ from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import Point, PointList
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_choice, check_rng, check_scalar
+from shipnet.fields import check_choice, check_rng, check_scalar, check_whole
 from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 
@@ -244,11 +244,15 @@ class Screen:
         """Number of points shown as good although older than 2 s."""
         return int((self._table["age_s"] > RULE).sum())
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the points as tiles: good ones pale blue, old ones orange, marked ones dark."""
+    def plot(self, ax: Axes | None = None, *, columns: int = 9) -> Axes:
+        """Draw the points as tiles: good ones pale blue, old ones orange, marked ones dark.
+
+        With fewer than nine `columns`, which suit a narrow figure, the tiles do not show the tags.
+        """
         from shipnet.engine.plot import plot_screen
 
-        return plot_screen(self._table, ax=ax, old=RULE)
+        wide = check_whole("columns", columns, 1, len(self._table))
+        return plot_screen(self._table, ax=ax, old=RULE, columns=wide)
 
     def __repr__(self) -> str:
         return (

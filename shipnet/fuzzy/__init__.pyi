@@ -1,3 +1,4 @@
+from .rule_file import read_rules as read_rules
 from .rules import Decision as Decision
 from .rules import Firing as Firing
 from .rules import RuleBase as RuleBase

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from itertools import combinations, compress, product
 from math import nan, prod
 from operator import and_
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,16 +20,21 @@ from shipnet import style
 from shipnet.arrays import Bools, Floats, Indices, Integers
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng, check_whole
+from shipnet.fuzzy.export import fcl_text, st_text, toml_text
 from shipnet.fuzzy.firing import METHODS, Samples, arrays, masks, persistent, undecided
 from shipnet.fuzzy.terms import NORMAL, UNDETERMINED, Rule, Term, Variable, sloping, trapezoid
 from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
+from shipnet.tables import save_suffix
 
 #: Number of samples processed at a time, so that their arrays fit in the cache.
 _BLOCK = 8192
 
 #: Maximum numbers of regions computed, and of columns in a matrix drawn with numbers.
 _MOST_REGIONS, _MOST_NUMBERS = 10**6, 20
+
+#: Number of points along each side of a surface.
+_FINE = 301
 
 
 @dataclass(frozen=True)
@@ -68,8 +76,9 @@ class RuleBase:
             raise ArgumentError("variables or rules are empty; there must be one or more of each")
         unique = [("variable", name) for name in self.names] + [("code", c) for c in self.codes]
         unique += [("priority", str(rule.priority)) for rule in self.rules]
-        twice = dict.fromkeys(pair for pair in unique if unique.count(pair) > 1)
-        faults = [f"{kind} {name} occurs twice" for kind, name in twice]
+        faults = [
+            f"{kind} {name} occurs twice" for (kind, name), n in Counter(unique).items() if n > 1
+        ]
         terms = {f"{v.name}.{term.name}" for v in self.variables for term in v.terms}
         faults += [
             f"{rule.code}: {pair} is not a term"
@@ -141,6 +150,19 @@ class RuleBase:
             (rule.code, rule.text, rule.flag, rule.priority, rule.english) for rule in self.rules
         ]
         return pd.DataFrame(rows, columns=["code", "antecedent", "flag", "priority", "english"])
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the rule base to a file, whose suffix decides the form.
+
+        A ``.toml`` file is for `read_rules`. For a PLC, ``.fcl`` is in the Fuzzy Control Language
+        (IEC 61131-7), and ``.st`` a function block in structured text (IEC 61131-3). Both compute
+        the firing strengths. The priorities are comments; the decision is left to the PLC's
+        program. The syntax has been tested, but no compiler has read these files.
+        """
+        forms = {".toml": toml_text, ".fcl": fcl_text, ".st": st_text}
+        write = forms[save_suffix(path, *forms)]
+        text = write(self.variables, self.rules)
+        Path(path).write_text(text, encoding="utf-8", newline="\n")
 
     def random_samples(self, n: int, rng: Any = None) -> dict[str, Floats]:
         """Return `n` samples, uniformly distributed over the universe of each variable."""
@@ -285,12 +307,16 @@ class RuleBase:
         fires = self.fire(table, method).strength.astype(np.int64)
         return fires.T @ fires
 
-    def regions(self, method: str = "crisp") -> pd.DataFrame:
+    def regions(self, method: str = "crisp", *, healthy: Samples | None = None) -> pd.DataFrame:
         """Return every combination of terms that can hold at once, and the rules that then fire.
 
         One row per region: a value of each variable, the codes that ``fired``, and their ``count``.
         The regions cover everything that the sensors can report, regardless of how often each
         occurs. `method` is ``crisp`` or ``midpoint``.
+
+        `healthy` are samples of a plant without a fault, such as a log. The column ``healthy``
+        counts those in each region; a sample with a missing value is in none. A region without a
+        rule is a gap only if no healthy sample lies in it: there, no rule should fire.
         """
         check_choice("method", method, ("crisp", "midpoint"))
         cells = [variable.cells(method) for variable in self.variables]
@@ -303,7 +329,62 @@ class RuleBase:
         table = pd.DataFrame(points, columns=list(self.names))
         fires = self.fire(table, method).strength > 0
         codes = np.array(self.codes, dtype=object)
-        return table.assign(fired=[" ".join(codes[row]) for row in fires], count=fires.sum(axis=1))
+        table = table.assign(fired=[" ".join(codes[row]) for row in fires], count=fires.sum(axis=1))
+        if healthy is None:
+            return table
+        region, known = np.zeros(1, int), np.ones(1, bool)
+        values = arrays(self.names, healthy).values()
+        for variable, cell, sample in zip(self.variables, cells, values, strict=True):
+            x, (lowest, highest) = sample.ravel(), variable.valid
+            known = known & (x >= lowest) & (x <= highest)
+            if method == "midpoint":
+                x = x.clip(variable.low, variable.high)
+            # A sample lies in the cell in which the same terms hold.
+            terms = variable.holds(x, method)[:, np.newaxis]
+            alike = (terms == variable.holds(cell, method)).all(axis=2)
+            known &= alike.any(axis=1)
+            region = region * len(cell) + alike.argmax(axis=1)
+        return table.assign(healthy=np.bincount(region[known], minlength=number))
+
+    def plot_surface(
+        self,
+        x: str,
+        y: str,
+        others: Mapping[str, float] | None = None,
+        *,
+        code: str | None = None,
+        ax: Axes | None = None,
+    ) -> Axes:
+        """Draw the decision, or the firing strength of the rule `code`, over two variables.
+
+        `others` are the values of the other variables; those omitted are missing.
+        """
+        across, up, given = self[x], self[y], dict(others or {})
+        if x == y or x in given or y in given:
+            raise ArgumentError(
+                f"x is {x!r}, y is {y!r}; they must be two variables that are not in others"
+            )
+        sides = [np.linspace(one.low, one.high, _FINE) for one in (across, up)]
+        decision = self.decide({**given, x: sides[0], y: sides[1][:, np.newaxis]})
+        order = (NORMAL, UNDETERMINED, *reversed(self.ranking))
+        present = [name for name in order if (decision.top == name).any()]
+        if code is None:
+            shade = np.select([decision.top == name for name in present], range(len(present)))
+            ends, label, colours = np.arange(len(present) + 1) - 0.5, "decision", "YlGnBu"
+        else:
+            shade = decision.firing[code]
+            ends, label, colours = np.linspace(0, 1, 256), f"firing strength of {code}", "Blues"
+        ax, extent = style.axes(ax), (across.low, across.high, up.low, up.high)
+        look: dict[str, Any] = {"origin": "lower", "extent": extent, "aspect": "auto"}
+        image = ax.imshow(shade, cmap=colours, vmin=ends[0], vmax=ends[-1], **look)
+        bar = ax.figure.colorbar(image, ax=ax, label=label, boundaries=ends)
+        if code is None:
+            bar.set_ticks(range(len(present)), labels=present)
+        else:
+            bar.set_ticks([0, 0.5, 1])
+        ax.grid(visible=False)
+        ax.set(xlabel=across.label, ylabel=up.label)
+        return ax
 
     def check(self, vectors: pd.DataFrame, method: str = "fuzzy") -> pd.DataFrame:
         """Return the decisions for test vectors, whose index contains the expected codes.
@@ -455,7 +536,10 @@ class Firing:
     def plot(self, labels: Sequence[object] | None = None, ax: Axes | None = None) -> Axes:
         """Draw the strengths as a matrix with one row per rule and one column per sample."""
         if self.strength.ndim > 2:
-            raise ArgumentError(f"strength has {self.strength.ndim} axes; at most two can be drawn")
+            raise ArgumentError(
+                f"strength has {self.strength.ndim} axes; at most two can be drawn. "
+                "RuleBase.plot_surface draws a decision over two variables"
+            )
         strength = np.atleast_2d(self.strength)
         n_samples = len(strength)
         if labels is not None and len(labels) != n_samples:
@@ -516,13 +600,28 @@ class Decision:
     active: Bools
     open: Bools
 
-    def __repr__(self) -> str:
+    @property
+    def ok(self) -> bool | None:
+        """Whether all samples are normal; None if none has a fault but some are undetermined."""
+        others = set(self.top.ravel()) - {NORMAL}
+        return None if others == {UNDETERMINED} else not others
+
+    @property
+    def verdict(self) -> str:
+        """The number of samples per top code or, for one sample, its explanation."""
         shape = self.active.shape[:-1]
         if self.active.size == len(self.firing.base.codes):
-            return f"Decision({self.explain(*(0 for _ in shape))})"
+            return self.explain(*(0 for _ in shape))
         codes, counts = np.unique(self.top.astype(str), return_counts=True)
         top = ", ".join(f"{n} {code}" for code, n in zip(codes, counts, strict=True))
-        return f"Decision({int(np.prod(shape))} samples: {top})"
+        return f"{int(np.prod(shape))} samples: {top}"
+
+    def __repr__(self) -> str:
+        return f"Decision({self.verdict})"
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the firing strengths, as `Firing.plot`."""
+        return self.firing.plot(ax=ax)
 
     def _repr_html_(self) -> str:
         table = self.table() if self.active.ndim < 3 else pd.DataFrame()

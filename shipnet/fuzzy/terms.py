@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import inf, isfinite, isnan
+from math import inf, isnan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from shipnet import style
 from shipnet.arrays import Bools, Floats
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_fields, part, record, text, whole
+from shipnet.fields import check_fields, check_scalar, part, record, text, whole
 from shipnet.lazy import Axes
 
 #: Decisions when no rule fires: with its missing readings, no rule could fire, or some could.
@@ -60,6 +60,9 @@ class Interval:
                 f"low is {self.low:g}, high {self.high:g}; low must be below high, "
                 "and at least one of them finite"
             )
+        # An unbounded side has no end that could belong to the interval.
+        object.__setattr__(self, "low_closed", self.low_closed and self.low > -inf)
+        object.__setattr__(self, "high_closed", self.high_closed and self.high < inf)
 
     def __str__(self) -> str:
         low, high = _number_text(self.low), _number_text(self.high)
@@ -141,18 +144,21 @@ class Term:
     def __post_init__(self) -> None:
         check_fields(self)
         check_word("name of a term", self.name)
-        corners = tuple(float(corner) for corner in self.corners)
+        check_label(f"english of {self.name}", self.english)
+        try:
+            corners = tuple(float(corner) for corner in self.corners)
+        except (TypeError, ValueError, OverflowError):
+            corners = ()
         if len(corners) != 4 or any(isnan(corner) for corner in corners):
-            raise ArgumentError(f"corners are {corners}; they must be four numbers")
+            raise ArgumentError(f"corners are {self.corners}; they must be four numbers")
         left, right = corners[:2], corners[2:]
         open_ends = (left == (-inf, -inf), right == (inf, inf))
         if list(corners) != sorted(corners) or all(open_ends):
             raise ArgumentError(f"corners are {corners}; they must rise, with one side finite")
         closed = (() if open_ends[0] else left) + (() if open_ends[1] else right)
-        if not all(isfinite(corner) for corner in closed):
+        if not all(abs(corner) <= 1e300 for corner in closed):
             raise ArgumentError(
-                f"corners are {corners}; infinite corners must be "
-                "either the two left or the two right ones"
+                f"corners are {corners}; they must be up to 1e300, or infinite on one whole side"
             )
         object.__setattr__(self, "corners", corners)
 
@@ -209,10 +215,10 @@ class Variable:
     unit : str
         Unit of its values, of the universe and of the corners of the terms.
     low, high : float
-        Ends of the universe, the range that the sensor measures. A value counts as missing if it is
-        more than 2.5 % of the range below it or more than 6.25 % above it: a 4 to 20 mA sensor
-        signals a failure with less than 3.6 mA or more than 21 mA (NAMUR NE 43). Values just
-        outside the universe count as its ends, except in comparisons as written.
+        Ends of the universe, the range that the sensor measures, within -1e30..1e30. A value counts
+        as missing if it is more than 2.5 % of the range below it or more than 6.25 % above it: a
+        4 to 20 mA sensor signals a failure with less than 3.6 mA or more than 21 mA (NAMUR NE 43).
+        Values just outside the universe count as its ends, except in comparisons as written.
     terms : tuple of Term
         One or more terms with different names. The range between a term's shoulders, and that of
         its comparison, must reach into the universe.
@@ -235,11 +241,16 @@ class Variable:
 
     def __post_init__(self) -> None:
         check_word("name of a variable", self.name)
-        low, high = float(self.low), float(self.high)
+        for what in ("unit", "english"):
+            check_label(f"{what} of {self.name}", getattr(self, what))
+        low, high = (
+            check_scalar(f"{end} of {self.name}", getattr(self, end), self.unit, -1e30, 1e30)
+            for end in ("low", "high")
+        )
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "high", high)
         object.__setattr__(self, "terms", tuple(self.terms))
-        if not (isfinite(low) and isfinite(high) and low < high):
+        if not low < high:
             raise ArgumentError(f"low of {self.name} is {low:g}; it must be below high, {high:g}")
         names = [term.name for term in self.terms]
         if not names or len(set(names)) < len(names):
@@ -265,10 +276,21 @@ class Variable:
         raise ArgumentError(f"term is {name!r}; the terms of {self.name} are {names}")
 
     @property
+    def label(self) -> str:
+        """Text on an axis."""
+        unit = f"[{self.unit}]" if self.unit else ""
+        return style.literal(f"{self.english} {self.name} {unit}".strip())
+
+    @property
     def valid(self) -> tuple[float, float]:
         """Lowest and highest values that count as readings."""
         width = self.high - self.low
         return self.low - _BELOW * width, self.high + _ABOVE * width
+
+    def holds(self, x: npt.ArrayLike, method: str) -> Bools:
+        """Return which terms hold for each value, by comparison, shape (n, n_terms)."""
+        intervals = [term.midpoint if method == "midpoint" else term.crisp for term in self.terms]
+        return np.stack([interval.contains(x) for interval in intervals], axis=1)
 
     def cells(self, method: str) -> list[float]:
         """Return one value for each combination of terms that can hold at once."""
@@ -280,9 +302,8 @@ class Variable:
         points = np.array(sorted([*edges, *middles]))
         # A point inside a cell represents the cell better than a point on its edge.
         inner = np.isin(points, middles)
-        holds = np.stack([interval.contains(points) for interval in intervals], axis=1)
         chosen: dict[tuple[bool, ...], int] = {}
-        for index, row in enumerate(holds.tolist()):
+        for index, row in enumerate(self.holds(points, method).tolist()):
             key = tuple(row)
             if key not in chosen or (inner[index] and not inner[chosen[key]]):
                 chosen[key] = index
@@ -298,7 +319,7 @@ class Variable:
             # With a point on each side of a corner, a step is drawn vertically.
             sides = [np.nextafter(corners, end) for end in (-np.inf, np.inf)]
             x = np.unique(np.concatenate([grid, corners, *sides]))
-            ax.plot(x, term.membership(x), label=term.english or term.name)
+            ax.plot(x, term.membership(x), label=style.literal(term.english or term.name))
         ends = {end for term in self.terms for end in (term.crisp.low, term.crisp.high)}
         label = "as printed"
         for limit in sorted(end for end in ends if np.isfinite(end)) if crisp else ():
@@ -309,8 +330,7 @@ class Variable:
         ax.set_xlim(self.low, self.high)
         ax.set_ylim(-0.05, 1.05)
         ax.set_yticks([0, 0.5, 1])
-        name = f"{self.english} {self.name}".strip()
-        ax.set_xlabel(f"{name} [{self.unit}]" if self.unit else name)
+        ax.set_xlabel(self.label)
         ax.set_ylabel("membership")
         return ax
 
@@ -360,6 +380,8 @@ class Rule:
         check_fields(self)
         if check_word("code", self.code) in (NORMAL, UNDETERMINED):
             raise ArgumentError(f"code is {self.code!r}, which is reserved for when no rule fires")
+        for what in ("flag", "english"):
+            check_label(f"{what} of {self.code}", getattr(self, what))
         parts: Any = self.antecedent
         if isinstance(parts, str):
             parts = [pair.strip().split(".") for pair in parts.split("&")]
@@ -394,6 +416,12 @@ def check_word(what: str, text: str) -> str:
     if not isinstance(text, str) or not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", text):
         raise ArgumentError(f"{what} is {text!r}; use a letter, then letters, digits, underscores")
     return text
+
+
+def check_label(what: str, label: str) -> None:
+    """Raise unless `label` is printable text, so that it fits in one line of a file."""
+    if not isinstance(label, str) or not label.isprintable():
+        raise ArgumentError(f"{what} is {label!r}; it must be printable text")
 
 
 def _number_text(value: float) -> str:

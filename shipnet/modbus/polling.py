@@ -238,7 +238,10 @@ class Scan:
             ax.axhline(self.limit, color=colour, linestyle=dashes, label=f"limit, {self.limit:g} s")
         ax.set(xscale="log", xlabel="bit rate [bit/s]", ylabel="scan time [s]")
         style.logarithmic(ax.yaxis)
-        ax.set_xticks(times.index, [f"{rate:g}" for rate in times.index])
+        # A bit rate close to the one before, such as 57600, has no room for its name.
+        close = times.index.to_series().pct_change() < 0.6
+        names = ["" if near else f"{rate:g}" for rate, near in close.items()]
+        ax.set_xticks(times.index, names)
         ax.set_xticks([], minor=True)
         ax.set_xlim(0.85 * times.index[0], 1.2 * times.index[-1])
         ax.legend(loc="upper right")

@@ -222,15 +222,19 @@ class Shown:
         return "\n".join(line for line in lines if line.strip())
 
     def _repr_html_(self) -> str:
-        heads = ("claim", "verdict", "the paper says", "we compute")
-        cells = "".join(f"<th {LEFT}>{head}</th>" for head in heads)
-        lines = ['<table class="dataframe shown">', f"<thead><tr>{cells}</tr></thead>", "<tbody>"]
+        heads, rows = ("claim", "verdict", "the paper says", "we compute"), []
         for row in self._rows.values():
-            cells = "".join(f"<td {LEFT}>{escape(row[head])}</td>" for head in heads)
             below = f"{escape(row['reason'])} <i>{row['source']}</i>".strip()
-            lines += [f"<tr>{cells}</tr>"]
-            lines += [f'<tr><td colspan="4" {LEFT}><small>{below}</small></td></tr>']
-        return "\n".join([*lines, "</tbody></table>"])
+            rows.append("".join(f"<td {LEFT}>{escape(row[head])}</td>" for head in heads))
+            rows.append(f'<td colspan="4" {LEFT}><small>{below}</small></td>')
+        return html_table("shown", heads, rows)
+
+
+def html_table(name: str, heads: Collection[str], rows: Collection[str]) -> str:
+    """Return a table of a class of its own; a row is the HTML of its cells."""
+    cells = "".join(f"<th {LEFT}>{head}</th>" for head in heads)
+    lines = [f'<table class="dataframe {name}">', f"<thead><tr>{cells}</tr></thead>", "<tbody>"]
+    return "\n".join([*lines, *(f"<tr>{row}</tr>" for row in rows), "</tbody></table>"])
 
 
 def show(*claims: str) -> Shown:
@@ -355,10 +359,22 @@ def _says(row: Mapping[str, Any]) -> str:
 
 
 def computed_text(row: Mapping[Any, Any]) -> str:
-    """Return the computed value without its unit; empty for an erratum whose value is a bool."""
-    if row["kind"] == "erratum" and isinstance(row["computed"], bool):
+    """Return the computed value without its unit, in hexadecimal if it is printed so.
+
+    It is empty for an erratum whose value is a bool.
+    """
+    value = row["computed"]
+    if value is None or (isinstance(value, bool) and row["kind"] == "erratum"):
         return ""
-    return format_computed(row["computed"], str(row["published"]))
+    if isinstance(value, bool):
+        return "holds" if value else "does not hold"
+    number = float(value)
+    if str(row["published"]).startswith("0x") and number.is_integer():
+        return f"0x{int(number):X}"
+    if number.is_integer():
+        return f"{number:.0f}"
+    text = f"{number:.4g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(number) < 1e9 else text
 
 
 def _ours(row: Mapping[str, Any]) -> str:
@@ -372,7 +388,7 @@ def _ours(row: Mapping[str, Any]) -> str:
 #: Verdicts and kinds in words.
 _WORDS = {
     "unit": "wrong unit",
-    "assumption differs": "differs under our assumption",
+    "assumption differs": "holds only under our assumption",
     "erratum": "misprint",
     "context": "not judged",
     "ours": "our number",
@@ -390,18 +406,3 @@ def _reason(row: Mapping[str, Any]) -> str:
     held, instead, note = (str(row[name]) for name in ("holds_under", "corrected", "note"))
     parts = [held if held != AS_PRINTED else "", f"Correct: {instead}" if instead else "", note]
     return ". ".join(part[:1].upper() + part[1:] for part in parts if part)
-
-
-def format_computed(value: object, published: str = "") -> str:
-    """Return a computed value as text, in hexadecimal if `published` is hexadecimal."""
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return "holds" if value else "does not hold"
-    number = float(value)  # type: ignore[arg-type]
-    if published.startswith("0x") and number.is_integer():
-        return f"0x{int(number):X}"
-    if number.is_integer():
-        return f"{number:.0f}"
-    text = f"{number:.4g}"
-    return f"{float(text):.0f}" if "e+" in text and abs(number) < 1e9 else text

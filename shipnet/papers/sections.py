@@ -11,7 +11,7 @@ from html import escape
 from shipnet import datasets
 from shipnet.fields import check_choice
 from shipnet.lazy import pd
-from shipnet.papers.judging import LEFT
+from shipnet.papers.judging import LEFT, html_table
 from shipnet.papers.registry import PAPERS
 
 
@@ -44,8 +44,7 @@ class Contents:
             return f'<a href="{href}">{escape(words)}</a>' if cell else escape(words)
 
         heads = ("section", "what it says", "here", "figures and tables", "claims")
-        lines = ['<table class="dataframe sections">', "<thead><tr>"]
-        lines += [*(f"<th {LEFT}>{head}</th>" for head in heads), "</tr></thead>", "<tbody>"]
+        rows = []
         for section, says, places, items, claims in self.table().itertuples(name=None):
             pairs = [pair.split("=") for pair in str(places).split("; ")]
             listed = [(item, *treated[item].values()) for item in str(items).split("; ") if item]
@@ -56,8 +55,8 @@ class Contents:
                 "<br>".join(f"{link(item, cell)} ({label})" for item, cell, label in listed),
                 _short(str(claims).split()),
             )
-            lines.append(f"<tr>{''.join(f'<td {LEFT}>{cell}</td>' for cell in cells)}</tr>")
-        return "\n".join([*lines, "</tbody></table>"])
+            rows.append("".join(f"<td {LEFT}>{cell}</td>" for cell in cells))
+        return html_table("sections", heads, rows)
 
 
 def _short(numbers: list[str]) -> str:

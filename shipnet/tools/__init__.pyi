@@ -1,7 +1,7 @@
 from ._page import draw_steps as draw_steps
 from ._page import stepper as stepper
-from .asi_line import AsiLine as AsiLine
-from .asi_network import AsiNetwork as AsiNetwork
+from ._sweep import Sweep as Sweep
+from .asi_bench import AsiBench as AsiBench
 from .can_load import CanLoad as CanLoad
 from .engine_faults import EngineFaults as EngineFaults
 from .modbus_scan import ModbusScan as ModbusScan

@@ -1,10 +1,10 @@
-"""Pages of widgets: the controls and the result of a tool, and frames to step through."""
+"""Pages of widgets: the controls and the answer of a tool, pins and sweeps; and steppers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from html import escape
 from importlib.resources import files
 from math import ceil, log10
@@ -24,8 +24,10 @@ from shipnet.fields import (
     check_whole,
     declared,
 )
+from shipnet.tables import as_csv
 from shipnet.tools import _view
-from shipnet.tools._view import Button, Preset, Sheet, Upload, View
+from shipnet.tools._sweep import sweep, sweepable
+from shipnet.tools._view import MOST_PINS, Answer, Button, Preset, Sheet, Upload, View
 
 if TYPE_CHECKING:
     import ipywidgets as widgets
@@ -41,6 +43,9 @@ _BEFORE = "The results above have not changed."
 #: Maximum number of frames of a stepper.
 _MOST = 1000
 
+#: Maximum number of views that a page keeps for sweeps.
+_KEPT = 512
+
 #: Function that draws frame k, counted from 0, on axes.
 Draw = Callable[[int, Axes], object]
 
@@ -49,8 +54,10 @@ class Page(widgets.VBox):  # type: ignore[misc]
     """The page of a tool: controls, verdict, figure, and a state that can be shared.
 
     `see` returns the view for given inputs; the default is the tool's own `_view`. `folds` maps
-    titles to the controls that are folded under them. Each example state in pages.toml has a
-    button; with `story`, the page opens on the first example.
+    titles to the controls that are folded under them. A `drawing` takes the place of the figure and
+    has instruments of its own: the page calls its `show`, and sets its `on_release`. Each example
+    state in pages.toml has a button; with `story`, the page opens on the first example. The page of
+    something that is `live` changes by itself, so links do not contain its pins.
     """
 
     def __init__(
@@ -63,12 +70,20 @@ class Page(widgets.VBox):  # type: ignore[misc]
         uploads: Sequence[Upload] = (),
         extras: Sequence[widgets.Widget] = (),
         folds: Mapping[str, Sequence[str]] = {},
+        drawing: Any = None,
         story: bool = False,
+        live: bool = False,
     ) -> None:
         self._kind = type(start)
         self.tool = self._kind.__module__.rpartition(".")[2]
         self._see = self._kind._view if see is None else see
-        self._sheet = Sheet()
+        self._sheet, self._sweep_sheet, self._live = Sheet(), Sheet(), live
+        self._pins: list[Answer] = []
+        self._answer: Answer | None = None
+        #: The figures shown, each with the pins in it.
+        self._figures: dict[str, tuple[View, list[View]]] = {}
+        # While one control moves, its sweep stays the same.
+        self._see_once = lru_cache(_KEPT)(self._see)
         self._controls, self._preset = Controls(start, folds, self._on_change), preset
         self.controls, self.presets = self._controls.widgets, {}
         panel = [self._controls.box, *self._controls.folded]
@@ -80,9 +95,15 @@ class Page(widgets.VBox):  # type: ignore[misc]
             )
             self.presets = self._setters.widgets
             panel.insert(0, self._setters.box)
-        self._acts = {one.label: one.act for one in buttons}
+        instruments = [
+            Button("pin", "Keeps this answer beside later ones, in figures and table.", self._pin),
+            Button("remove pins", "Removes all pins.", lambda _: self._pins.clear()),
+            Button("fit axes", "Fits the axes to the figure; otherwise they only grow.", self._fit),
+        ]
+        self._acts = {one.label: one.act for one in (*buttons, *instruments)}
         self.buttons = {
-            one.label: widgets.Button(description=one.label, tooltip=one.help) for one in buttons
+            one.label: widgets.Button(description=one.label, tooltip=one.help)
+            for one in (*buttons, *instruments)
         }
         for label, button in self.buttons.items():
             button.on_click(lambda _, act=self._acts[label]: self._change(lambda: act(self.inputs)))
@@ -92,33 +113,61 @@ class Page(widgets.VBox):  # type: ignore[misc]
         row += [_with_help(self.uploads[one.label], one.help) for one in uploads]
         if row := [*row, *extras]:
             panel.append(_classed(widgets.HBox(row), "shipnet-buttons"))
+        kinds = {**(sweepable(type(preset.start)) if preset else {}), **sweepable(self._kind)}
+        options = [("nothing", ""), *((kind.label, name) for name, kind in kinds.items())]
+        self.over = widgets.Dropdown(options=options, description="sweep")
+        self.over.tooltip = "Shows the answer at all values of a control."
+        self.over.observe(lambda _: self._change(self._sweep_sheet.fit), "value")
+        tools = [*(self.buttons[one.label] for one in instruments), self.over]
+        self.prepare = widgets.Button(
+            description="figure and data", tooltip="Prepares SVG and CSV files to download."
+        )
+        self.prepare.on_click(lambda _: self._prepare())
         self.text, self.ok, self.note = "", False, ""
         self._shown, self._noted, self._details = (widgets.HTML() for _ in range(3))
-        self.figure, self.links, self._look = (widgets.HTML() for _ in range(3))
+        self.figure, self.links, self._look, self.sweep = (widgets.HTML() for _ in range(4))
         self._stories = _view.page_words().get(self.tool, {}).get("stories", {})
         self.stories = {name: widgets.Button(description=name) for name in self._stories}
         for name, button in self.stories.items():
             button.on_click(lambda _, name=name: self._show_story(name))
         tries = widgets.HBox([widgets.HTML("Try:"), *self.stories.values(), self._look])
-        answer = widgets.VBox([self._shown, _classed(self.figure, "shipnet-figure")])
+        self.drawing = drawing
+        if drawing is not None:
+            drawing.on_release = self._change
+            self.add_class("shipnet-drawn")
+        figure = self.figure if drawing is None else drawing
+        answer = widgets.VBox([self._shown, _classed(figure, "shipnet-figure")])
         stage = [_classed(answer, "shipnet-answer"), _classed(widgets.VBox(panel), "shipnet-panel")]
+        beside: list[widgets.Widget] = []
+        below = [
+            _classed(widgets.HBox(tools), "shipnet-instruments"),
+            _classed(self.sweep, "shipnet-figure"),
+            self._details,
+        ]
+        if drawing is not None:
+            # Beside a drawing, which is high, there is room for the numbers.
+            beside, below = [self._details], []
         # Set by the web page when it is shown: the query of its link, and whether it is narrow.
         self.query, self.narrow = (widgets.Text(continuous_update=False) for _ in range(2))
         self.query.observe(
-            lambda _: self._change(lambda: _view.read_link(self.query.value, self._kind)), "value"
+            lambda _: self._change(
+                lambda: self._opened(_view.read_link(self.query.value, self._kind))
+            ),
+            "value",
         )
         self.narrow.observe(lambda _: self.refresh(), "value")
         unseen = [_classed(self.query, "shipnet-query"), _classed(self.narrow, "shipnet-narrow")]
-        foot = widgets.HBox([self.links, self.uploads[load.label], *unseen, self._noted])
+        prepare = [self.prepare] if drawing is None else []
+        foot = [self.links, self.uploads[load.label], *prepare, *unseen, self._noted]
         style = (files("shipnet.tools") / "page.css").read_text(encoding="utf-8")
         super().__init__(
             [
                 _classed(widgets.HTML(f"<style>{style}</style>"), "shipnet-style"),
                 *([_classed(tries, "shipnet-tries")] if self.stories else []),
-                _classed(widgets.HBox(stage), "shipnet-stage"),
+                _classed(widgets.HBox([stage[0], *beside, stage[1]]), "shipnet-stage"),
                 widgets.HTML('<div class="shipnet-spinner" role="status">computing ...</div>'),
-                self._details,
-                _classed(foot, "shipnet-foot"),
+                *below,
+                _classed(widgets.HBox(foot), "shipnet-foot"),
             ]
         )
         _classed(self, "shipnet-page")
@@ -136,26 +185,88 @@ class Page(widgets.VBox):  # type: ignore[misc]
         """Compute and show the view of the current inputs."""
         with self._busy():
             save = '<a class="shipnet-button" aria-disabled="true">save state</a>'
-            link = ""
+            link, figure, self._answer, self._figures = "", None, None, {}
             try:
                 inputs = self.inputs
-                state = _view.write_state(self.tool, inputs)
-                save = _view.download_link("save state", f"shipnet_{self.tool}.json", state)
-                link = _view.write_link(inputs)
+                pinned = [] if self._live else [pin.inputs for pin in self._pins]
+                state = _view.write_state(self.tool, inputs, pinned)
+                file = f"shipnet_{self.tool}.json"
+                save = _view.download_link(file, state, "save state")
+                link = _view.write_link(inputs, pinned)
                 view = self._see(inputs)
-                figure = view.figure(self._sheet, narrow=bool(self.narrow.value))
+                if self.drawing is None:
+                    pins, narrow = [pin.view for pin in self._pins], bool(self.narrow.value)
+                    figure = view.figure(self._sheet, narrow=narrow, pins=pins)
+                    self._figures[""] = view, pins
+                else:
+                    self.drawing.show(inputs)
+                    figure = ""
+                self._answer = Answer(inputs, view)
             except Exception as problem:  # any error is shown as a message
-                view, figure = View(verdict=_lines(problem), ok=False), ""
+                view = View(verdict=_lines(problem), ok=False)
             self.text, self.ok = str(view), view.ok
             # Set before the verdict, so that a user who sees the verdict can save its state.
-            links = (
-                _view.download_link(f"download {name}", name, content)
-                for name, content in view.files.items()
-            )
+            links = [*map(_view.download_link, view.files, view.files.values())]
+            links += [_view.write_use(tool, values) for tool, values in view.uses.items()]
             self.links.value = " ".join([save, link, *links])
-            self._shown.value, self._details.value = view.answer, view.details
-            self._mark("shipnet-stale", not figure)
+            self._shown.value, self._details.value = view.answer, ""
+            if self._answer is not None:
+                self._details.value = _view.details(self._answer, self._pins)
+                self.over.layout.display = None if view.measure else "none"
+            self._mark("shipnet-stale", figure is None)
             self.figure.value = figure or self.figure.value
+            self._controls.mark(view.idle)
+            if self._preset is not None:
+                self._setters.mark(self._preset.idle(self._setters.inputs))
+            self.buttons["pin"].disabled = len(self._pins) == MOST_PINS
+            self.buttons["remove pins"].disabled = not self._pins
+            self.prepare.disabled = not self._figures
+            self._show_sweep()
+
+    def _pin(self, _: object) -> None:
+        if self._answer is not None:
+            self._pins.append(self._answer)
+
+    def _fit(self, _: object = None) -> None:
+        self._sheet.fit()
+        self._sweep_sheet.fit()
+
+    def _show_sweep(self) -> None:
+        """Show the sweep of the chosen control, for the current inputs and for the pins."""
+        field, shown = self.over.value, ""
+        if field and self._answer is not None:
+            try:
+                view, pins = self._sweep(field, self._answer.inputs)
+                self._figures["_sweep"] = view, pins
+                figure = view.figure(self._sweep_sheet, narrow=bool(self.narrow.value), pins=pins)
+                shown = f'<p role="status">{escape(view.verdict)}</p>{figure}'
+            except Exception as problem:  # as in refresh
+                shown = f'<p role="status">{escape(_sentence(problem))}</p>'
+        self.sweep.value = shown
+
+    def _sweep(self, field: str, inputs: Any) -> tuple[View, list[View]]:
+        """Return the view on the sweep of a control, and on those of the pins."""
+        if self._preset is not None and field in self.presets:
+            # Pins have readings, but no values of these controls.
+            start, make = self._setters.inputs, self._preset.make
+            found = sweep(start, field, lambda one: self._see_once(make(one, inputs)))
+            return found.view(getattr(start, field)), []
+        pins = [sweep(pin.inputs, field, self._see_once).view() for pin in self._pins]
+        return sweep(inputs, field, self._see_once).view(getattr(inputs, field)), pins
+
+    def _prepare(self) -> None:
+        """Add links to files of the figures and their data; the next change removes them."""
+        contents = {}
+        try:
+            with self._busy():
+                for name, (view, pins) in self._figures.items():
+                    contents[f"shipnet_{self.tool}{name}.svg"] = view.svg(pins)
+                    if view.data is not None:
+                        table = view.data().reset_index()
+                        contents[f"shipnet_{self.tool}{name}.csv"] = as_csv(table)
+        except Exception as problem:  # as in refresh
+            self._say(_sentence(problem), _sentence(problem))
+        self.links.value += "".join(map(_view.download_link, contents, contents.values()))
 
     def _on_change(self) -> None:
         # Compute immediately: a browser sends the next value only after this computation.
@@ -165,6 +276,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
     def _show_story(self, name: str) -> None:
         values = dict(self._stories[name])
         self._look.value = escape(values.pop("look"))
+        self._fit()
         self._change(lambda: self._inputs_of(**values))
 
     def _inputs_of(self, press: Sequence[str] = (), **values: Any) -> Any:
@@ -203,6 +315,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
 
         def take(_: object) -> None:
             files = upload.value
+            self._fit()
             # Empty the widget, so that a corrected file of the same name counts as a change.
             # Do so before the page responds, because a file loaded meanwhile would be lost.
             upload.value = ()
@@ -217,7 +330,13 @@ class Page(widgets.VBox):  # type: ignore[misc]
         return one.take(self.inputs, name, content)
 
     def _read(self, _: object, name: str, content: bytes) -> Any:
-        return _view.read_state(content, self.tool, self._kind, name)
+        return self._opened(_view.read_state(content, self.tool, self._kind, name))
+
+    def _opened(self, records: Sequence[Any]) -> Any:
+        """Return the inputs that a link or a file contains first; the others become the pins."""
+        inputs, *others = records
+        self._pins = [Answer(pin, self._see(pin)) for pin in others]
+        return inputs
 
     @contextmanager
     def _busy(self) -> Iterator[None]:
@@ -270,13 +389,12 @@ class Controls:
                 self.widgets[kind.at_most].observe(most, "value")
                 most({"new": self._held[kind.at_most]})
             control.tooltip = kind.help
-            row = _with_help(control, kind.help)
-            rows[name] = row
+            rows[name] = row = _with_help(control, kind.help)
             if isinstance(kind, Text) and kind.rows > 1:
                 row.add_class("shipnet-editor")
         for control in self.widgets.values():
             control.observe(self._changed, "value")
-        self._seen = self._values()
+        self._seen, self._rows = self._values(), dict(rows)
         self.folded = [
             widgets.Accordion([_grid([rows.pop(name) for name in names])], titles=[title])
             for title, names in folds.items()
@@ -294,6 +412,13 @@ class Controls:
         for name, value in values.items():
             values[name] = round(value, 9) if isinstance(value, float) else value
         return {**self._held, **values}
+
+    def mark(self, idle: Mapping[str, str]) -> None:
+        """Mark the controls that have no effect at present, each with the reason."""
+        for name, row in self._rows.items():
+            why = f"No effect now: {idle[name]}." if name in idle else ""
+            (row.add_class if why else row.remove_class)("shipnet-idle")
+            row.children[1].value = _help(self._kinds[name].help, why)
 
     def put(self, inputs: Any) -> None:
         """Set all controls, each to its nearest step, without calling observers.
@@ -330,8 +455,12 @@ def _set_most(control: Any, shown: tuple[float, float], change: Mapping[str, Any
 
 def _with_help(control: widgets.Widget, help: str) -> widgets.VBox:
     """Return a control with help that is shown while the control is pointed at or in use."""
-    text = widgets.HTML(f'<div class="shipnet-help">{escape(help)}</div>')
-    return _classed(widgets.VBox([control, text]), "shipnet-control")
+    return _classed(widgets.VBox([control, widgets.HTML(_help(help))]), "shipnet-control")
+
+
+def _help(help: str, why: str = "") -> str:
+    reason = f'<div class="shipnet-reason">{escape(why)}</div>' if why else ""
+    return f'{reason}<div class="shipnet-help">{escape(help)}</div>'
 
 
 def _grid(rows: list[widgets.Widget]) -> widgets.Box:

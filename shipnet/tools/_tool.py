@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from shipnet.lazy import Axes
+from shipnet.tools._sweep import Sweep, sweep
 
 if TYPE_CHECKING:
     from shipnet.tools._page import Page
@@ -36,6 +38,36 @@ class Tool:
         """Draw the tool's figure."""
         axes: Axes = self.result.plot(ax=ax)
         return axes
+
+    def sweep(self, field: str, over: Iterable[Any] | None = None) -> Sweep:
+        """Return the answer at each value of one field, with all others as they are.
+
+        Parameters
+        ----------
+        field : str
+            Name of a field that is a number, a choice or a switch.
+        over : iterable, optional
+            Values in order. By default, those of the field's control: of a long slider about 40,
+            and those at which the answer changes.
+
+        Returns
+        -------
+        Sweep
+            The answers: their `verdict` in words, `ok`, `table()` and `plot()`. A value that is
+            not possible is not `ok`.
+
+        Raises
+        ------
+        ArgumentError
+            If the field cannot be swept, or `over` is empty.
+
+        Examples
+        --------
+        >>> from shipnet import tools
+        >>> tools.ModbusScan().sweep("processing_ms").verdict
+        'processing time: in time up to 18 ms; too slow from 19 ms'
+        """
+        return sweep(self, field, type(self)._view, over)
 
     def explore(self, story: bool = False) -> Page:
         """Return the page with a control for each field, for display in a notebook.

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import replace
 from functools import cached_property
 from math import inf
+from pathlib import Path
 from typing import Any
 
-from shipnet.can.dbc import parse_dbc
+from shipnet.can.analysis import read_messages
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Stuffing
+from shipnet.can.log_files import log_kind
 from shipnet.can.messages import BIT_RATES, EXAMPLE, MessageSet, bus_load
 from shipnet.can.offsets import spread_offsets
 from shipnet.can.response import ResponseTimes, response_times
@@ -17,9 +20,12 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import choice, record, text, whole
 from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import Upload, View, words
+from shipnet.tools._view import Measure, Upload, View, words
 
 _WORDS = words("can_load")
+
+#: Suffixes of the files that can be loaded.
+_SUFFIXES = (".csv", ".txt", ".xlsx", ".dbc", ".log", ".asc", ".blf", ".trc")
 
 #: Bit rates to choose from, with their text in kbit/s.
 _RATES = {rate: f"{rate / 1e3:g}" for rate in BIT_RATES}
@@ -98,29 +104,57 @@ class CanLoad(Tool):
         remarks = self.messages.remarks
         read = {"how the list was read": "; ".join(remarks)} if remarks else {}
         rate = "none" if self.lowest == inf else f"{self.lowest / 1e3:g} kbit/s"
+        counted = self.offsets != "not counted"
+        given = sum(message.offset > 0 for message in self.messages)
+        offsets = {"offsets": f"{given} of {n} messages have one"} if counted else {}
+        used = max((one.response / one.message.deadline for one in self.result), default=0.0)
         return View(
             verdict=f"{len(late)} of {n} may be late: {', '.join(late)}"
             if late
             else f"all {n} messages meet their deadlines",
             ok=not late,
-            numbers={**load, **read, "lowest standard bit rate that meets all deadlines": rate},
+            numbers={
+                **load,
+                **offsets,
+                **read,
+                "lowest standard bit rate that meets all deadlines": rate,
+            },
             plot=self.plot,
             height=1.2 + 0.28 * n,
             about="Longest response time of each message, as a bar, and its deadline",
             files={"messages.csv": self.messages.text} if self.offsets == "spread" else {},
+            curve=lambda: self.result.table()["response_ms"],
+            data=self.result.table,
+            short="late" if late else "in time",
+            measure=Measure("used_percent", "longest response / deadline [%]", 100 * used, 100),
+            idle={"errors_per_s": "errors are 0 while offsets are counted"} if counted else {},
+            uses={"ship_design": {"own": f"[can]\nbit_rates = [{self.bit_rate}]\n"}},
         )
 
     def _options(self) -> dict[str, Any]:
-        def take(inputs: CanLoad, name: str, content: bytes) -> CanLoad:
+        tip = "A list, a DBC file or a log, to replace the text above; remarks on it are on top."
+        upload = Upload("load a message set", tip, ",".join(_SUFFIXES), _from_file)
+        return {"uploads": [upload], "folds": {"message set": ("text",)}}
+
+
+def _from_file(inputs: CanLoad, name: str, content: bytes) -> CanLoad:
+    """Return the inputs with the messages of a file; a list in text stays as it is written."""
+    suffix = Path(name).suffix.lower()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"messages{suffix if suffix in _SUFFIXES else '.txt'}"
+        path.write_bytes(content)
+        if suffix not in (".dbc", ".xlsx") and not log_kind(path):
             text = text_of(content)
             if "\0" in text:
                 raise InputError(name, "this is not a text file")
-            dbc = name.lower().endswith(".dbc")
-            if dbc:
-                messages = parse_dbc(text, name, strict=False)
-                text = "".join(f"# {fault}\n" for fault in messages.overlooked) + messages.text
             return replace(inputs, text=text)
-
-        tip = "CSV or DBC file to replace the text above; faults of a DBC file are listed on top."
-        upload = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
-        return {"uploads": [upload], "folds": {"message set": ("text",)}}
+        try:
+            messages = read_messages(path, strict=False)
+        except InputError as problem:
+            raise InputError(name, *problem.faults, more=problem.more) from None
+    remarks = list(messages.overlooked)
+    if messages.observed is not None:
+        kinds = messages.observed["kind"].value_counts()
+        counted = ", ".join(f"{number} {kind}" for kind, number in kinds.items())
+        remarks.append(f"from a log: {counted}; if not periodic, the period is the mean")
+    return replace(inputs, text="".join(f"# {one}\n" for one in remarks) + messages.text)

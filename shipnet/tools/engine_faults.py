@@ -14,7 +14,7 @@ from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_fields, choice, number, record
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import View, words
+from shipnet.tools._view import Measure, View, words
 
 _WORDS = words("engine_faults")
 
@@ -98,9 +98,12 @@ class EngineFaults(Tool):
                 "alarms": "; ".join(self.raised[-3:]) or "none",
             },
             plot=self.plot,
+            narrow=lambda ax: self.result.plot(ax, columns=6),
             height=4.6,
-            dense=True,
             about="Screen of the alarm monitoring system, one tile per value",
+            data=self.result.table,
+            short="old values shown" if old else "no old values",
+            measure=Measure("old_points", "old values shown as good", old, 0),
         )
 
 

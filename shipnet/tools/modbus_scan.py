@@ -8,7 +8,7 @@ from shipnet.fields import choice, number, record, whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.polling import BIT_RATES, Scan, scan
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import View, words
+from shipnet.tools._view import Measure, View, words
 
 _WORDS = words("modbus_scan")
 
@@ -62,6 +62,7 @@ class ModbusScan(Tool):
 
     def _view(self) -> View:
         result, poll = self.result, self.result.polls[0]
+        own = f"[modbus]\nbit_rates = [{self.bit_rate}]\nprocessing = {poll.processing:g}\n"
         used = poll.utilisation(self.slaves, self.limit, dead=self.dead)
         return View(
             verdict=f"{'in time' if result.ok else 'too slow'}: {result.time:.3f} s",
@@ -80,4 +81,9 @@ class ModbusScan(Tool):
             plot=self.plot,
             height=3.0,
             about="Scan time over bit rate, on logarithmic scales, with the limit",
+            curve=lambda: result.table()["scan_s"],
+            data=result.table,
+            short="in time" if result.ok else "too slow",
+            measure=Measure("scan_s", "scan time [s]", result.time, self.limit),
+            uses={"ship_design": {"own": own}},
         )

@@ -12,10 +12,11 @@ from matplotlib.axes import Axes
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_fields, choice, part, record
+from shipnet.lazy import pd
 from shipnet.remote_control.packet import MarkerFormat, MarkerParser
 from shipnet.remote_control.ring_buffer import Ring, Rule, Step
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import Button, View, words
+from shipnet.tools._view import Button, Measure, View, words
 
 _WORDS = words("ring_buffer")
 
@@ -97,9 +98,11 @@ class ReceiveRing(Tool):
     def _view(self) -> View:
         game, ring = self.result, self.result.ring
         overwritten = max(0, ring.unread - ring.size)
+        wrong = ring.lost + ring.stale + overwritten
+        read = set(self.actions) - {"byte", "packet"}
         return View(
             verdict=game.report,
-            ok=not (ring.lost or ring.stale or overwritten),
+            ok=not wrong,
             numbers={
                 f"case {ring.case}": CASES[ring.case],
                 "unread": f"{ring.unread} bytes, of which {overwritten} are overwritten; the "
@@ -112,6 +115,10 @@ class ReceiveRing(Tool):
             plot=self.plot,
             height=4.2,
             about="The ring with its bytes, its writer and its reader",
+            data=game.table,
+            short="bytes lost or in error" if wrong else "no byte lost",
+            measure=Measure("wrong_bytes", "bytes lost, overwritten or in error", wrong, 0),
+            idle={} if read else {"rule": "nothing has been extracted yet"},
         )
 
     def _options(self) -> dict[str, Any]:
@@ -137,8 +144,17 @@ class Game:
         self.parser: MarkerParser = _FORM.parser()
         self.report = "nothing done yet"
         self.values: list[int] = []
+        rows = []
         for action in inputs.actions:
             getattr(self, f"_{action}")()
+            counts = (self.ring.unread, self.ring.seems_unread, self.ring.lost, self.ring.stale)
+            rows.append((action, self.report, self.ring.case, *counts, self.packets))
+        self._rows = rows
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per action: its effect, and the state of the ring after it."""
+        columns = ["action", "effect", "case", "unread", "seems_unread", "lost", "in_error"]
+        return pd.DataFrame(self._rows, columns=[*columns, "packets_found"])
 
     @property
     def packets(self) -> int:

@@ -193,6 +193,7 @@ class ShipDesign(Tool):
         result = self.result
         heights = {"cost": 1.2 + 0.4 * len(result.designs), "assumptions": 3.4}
         files: dict[str, str | bytes] = {"settings.toml": result.settings.text()}
+        no_lengths = bool(result.iolist.points["home_run_m"].isna().all())
         ready = {}
         if report:
             files |= {"report.html": result.html(), "tables.zip": zipped(result.files())}
@@ -202,11 +203,15 @@ class ShipDesign(Tool):
             ok=result.ok,
             table=result.short(),
             caption=_MIND,
+            drawing=result.drawing().html if result.iolist.located.any() else "",
             numbers=ready | _numbers(result),
             plot=self.plot,
             height=heights.get(self.picture, 3.6),
             about=PICTURES[self.picture],
+            curve=(lambda: result.table()["total_cost_eur"]) if self.picture == "cost" else None,
+            data=result.table,
             files=files,
+            idle={"list_lengths": "the list has no lengths"} if no_lengths else {},
         )
 
     def _options(self) -> dict[str, Any]:

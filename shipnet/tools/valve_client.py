@@ -14,6 +14,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from shipnet.ballast.live import Client, Link, ModelValves, Readout, reading_text, serve
+from shipnet.ballast.master import LEAST_CURRENT
+from shipnet.ballast.sensors import CHANNELS
 from shipnet.errors import load_extra
 from shipnet.fields import record, text, whole
 from shipnet.modbus.frame import MAX_UNIT
@@ -66,19 +68,33 @@ class ValveClient(Tool):
     def _view(self) -> View:
         return self.view(self.result)
 
-    def view(self, readout: Readout, answer: str = "", *, refused: bool = False) -> View:
-        """Return the view of the valves that were read, with the response to the last command."""
+    def view(self, readout: Readout, answer: str = "") -> View:
+        """Return the view of the valves that were read; `answer` is that to the last command."""
         row = readout.screen[self.valve]
         silent = row["state"] == "silent"
         status = f"{row['state']}, {reading_text(row['position_percent'], 0, '%')}"
+        idle = {"target": "the button 'position' sends it"}
+        if not self.address.strip():
+            idle["port"] = "the page uses its own server"
         return View(
             verdict=f"valve {self.valve}{' does not respond' if silent else f': {status}'}",
-            ok=not (refused or silent),
-            numbers=({"last command": answer} if answer else {}) | readout.numbers(self.valve),
+            ok=not (silent or "refuses" in answer),
+            numbers=({"sent from here": answer} if answer else {}) | readout.numbers(self.valve),
             plot=lambda ax: readout.screen.plot(self.valve, ax),
             height=0.7 + 0.7 * -(-self.valves // 32),
             about="Opening of each valve, as a bar",
+            data=lambda: readout.rows,
+            idle=idle,
+            uses=self._for_diagnosis(readout),
         )
+
+    def _for_diagnosis(self, readout: Readout) -> dict[str, dict[str, object]]:
+        """Return the valve's readings for the diagnosis; one reading has no speed of a valve."""
+        row = readout.rows.loc[self.valve]
+        if row.isna().any() or row["MC_A"] >= LEAST_CURRENT:
+            return {}
+        readings = {channel.name: row[channel.column] for channel in CHANNELS}
+        return {"valve_diagnosis": readings | {"DVPos": 0.0, "commanded": False}}
 
 
 class Explorer(Page):
@@ -95,7 +111,8 @@ class Explorer(Page):
         self._end = finalize(self, self.server.__exit__)
         self._link: Link | None = None
         self._endpoint: tuple[str, int] | None = None
-        self._answer, self._refused = "", 0
+        # The answer to the last command of each valve, by address, port and valve.
+        self._answers: dict[tuple[str, int, int], str] = {}
         # The browser's counter triggers each reading of the valves, so no thread is needed.
         clock = widgets.Play(min=0, max=10**6, interval=500, repeat=True, show_repeat=False)
         clock.tooltip = "Reads all valves twice per second."
@@ -112,6 +129,7 @@ class Explorer(Page):
             extras=[clock],
             folds={"server": ("address", "port", "valves")},
             story=story,
+            live=True,
         )
 
     def close(self) -> None:
@@ -134,12 +152,12 @@ class Explorer(Page):
         return Client.over(self._link, inputs.valves)
 
     def _command(self, inputs: ValveClient, action: str | float) -> None:
+        valve = (inputs.address, inputs.port, inputs.valve)
         try:
-            self._answer = self._client(inputs).command(inputs.valve, action)
+            self._answers[valve] = self._client(inputs).command(inputs.valve, action)
         except OSError as problem:
             self._hang_up()
-            self._answer = str(problem)
-        self._refused = inputs.valve if "refuses" in self._answer else 0
+            self._answers[valve] = str(problem)
 
     def _look(self, inputs: ValveClient) -> View:
         try:
@@ -147,5 +165,5 @@ class Explorer(Page):
         except OSError as problem:
             self._hang_up()
             return View(verdict=str(problem), ok=False)
-        # A refused command stays visible, but makes the verdict bad only for its own valve.
-        return inputs.view(readout, self._answer, refused=self._refused == inputs.valve)
+        valve = (inputs.address, inputs.port, inputs.valve)
+        return inputs.view(readout, self._answers.get(valve, ""))

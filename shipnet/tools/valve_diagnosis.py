@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from math import isnan
 from typing import Any, ClassVar
 
 from matplotlib.axes import Axes
@@ -17,8 +18,9 @@ from shipnet.ballast.simulation import simulate_valves
 from shipnet.fields import check_choice, check_scalar, choice, number, record, switch
 from shipnet.fuzzy.rules import Decision, RuleBase
 from shipnet.fuzzy.terms import NORMAL
+from shipnet.lazy import pd
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import Preset, View, words
+from shipnet.tools._view import Measure, Preset, View, words
 
 _WORDS = words("valve_diagnosis")
 
@@ -106,9 +108,17 @@ class ValveDiagnosis(Tool):
         look: dict[str, Any] = dict(style.LIMIT)
         ax.axvline(self.threshold, label="alarm threshold", **look)
         y = [codes.index(code) for code in self.printed]
+        # Beside the axes, because a rule as printed has no strength.
         look = {"color": "0.2", "markersize": 6, "clip_on": False}
-        ax.plot([1.03] * len(y), y, "x", label="fires as printed", **look)
-        ax.set(xlim=(0, 1.06), ylim=(len(codes) - 0.4, -0.6), xlabel="firing strength")
+        ax.plot(
+            [1.03] * len(y),
+            y,
+            "x",
+            label="fires as printed",
+            transform=ax.get_yaxis_transform(),
+            **look,
+        )
+        ax.set(xlim=(0, 1), ylim=(len(codes) - 0.4, -0.6), xlabel="firing strength")
         ax.set_xticks([0, 0.25, 0.5, 0.75, 1])
         ax.grid(visible=False, axis="y")
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
@@ -142,18 +152,46 @@ class ValveDiagnosis(Tool):
             last["DVPos"] = 0.0
         return cls(**last, commanded=commanded, threshold=threshold)
 
+    def _in_terms(self) -> str:
+        """Return the term of each reading and its membership, which a rule may need with others."""
+        words = []
+        for variable in _BASE.variables:
+            x = getattr(self, variable.name)
+            degrees = [(term.english or term.name, term.membership(x)) for term in variable.terms]
+            terms = " and ".join(f"{name} {degree:.2f}" for name, degree in degrees if degree > 0)
+            if not self.applies.get(variable.name, True):
+                terms = "not used"
+            elif isnan(x):
+                terms = "missing"
+            words.append(f"{variable.name} {terms or 'in no term'}")
+        return ", ".join(words)
+
     def _view(self) -> View:
-        top = str(self.result.top[0])
+        top, codes = str(self.result.top[0]), list(self.strength)
+
+        def rules() -> pd.DataFrame:
+            printed = [code in self.printed for code in codes]
+            columns = {"strength": self.strength.values(), "as_printed": printed}
+            return pd.DataFrame(columns, pd.Index(codes, name="code"))
+
         return View(
             verdict=f"{top}: {_BASE.rule(top).english}" if top in _BASE.codes else top,
             ok=top == NORMAL,
             numbers={
                 "why": self.result.explain(0),
+                "readings": self._in_terms(),
                 "active codes": " ".join(self.result.codes(0)) or "none",
                 "as printed, without ramps": " ".join(self.printed) or "none",
             },
             plot=self.plot,
             about="Firing strength of each rule as a bar, with the alarm threshold",
+            curve=lambda: rules()["strength"],
+            data=rules,
+            short=top,
+            measure=Measure(
+                "strength", "highest strength", max(self.strength.values()), self.threshold
+            ),
+            idle={} if self.commanded else {"DVPos": "it counts only while a command is active"},
         )
 
     def _options(self) -> dict[str, Any]:
@@ -162,7 +200,10 @@ class ValveDiagnosis(Tool):
                 plant.fault, plant.severity, plant.state, threshold=inputs.threshold
             )
 
-        return {"preset": Preset(_Plant(), make)}
+        def idle(plant: _Plant) -> dict[str, str]:
+            return {"severity": "no fault is chosen"} if plant.fault == NORMAL else {}
+
+        return {"preset": Preset(_Plant(), make, idle)}
 
 
 @record

@@ -4,9 +4,11 @@ import pytest
 
 from shipnet.ballast.diagnosis import diagnose_run
 from shipnet.ballast.plant import FAULTS, Command, Fault
+from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.simulation import simulate
-from shipnet.ballast.trials import false_alarms, fault_trials, spread_valves
+from shipnet.ballast.trials import false_alarms, fault_trials, run_fleet, spread_valves
 from shipnet.errors import ArgumentError
+from shipnet.fuzzy import Rule, RuleBase, Term, Variable
 from shipnet.fuzzy.firing import METHODS
 
 
@@ -136,3 +138,56 @@ def test_an_argument_of_a_trial_out_of_range_is_named(call, message):
 def test_a_method_without_trials_is_named(trials):
     with pytest.raises(ArgumentError, match="method is 'x'; it must be one of 'crisp', 'midpoint'"):
         trials.confusion("x")
+
+
+# One's own rules.
+
+
+def own(*rules):
+    """Return a rule base with the variables of the paper."""
+    return RuleBase(rule_base().variables, rules)
+
+
+def test_false_alarms_are_those_of_ones_own_rules():
+    # A motor that runs is healthy, so this rule alarms at every command.
+    running = own(Rule("X1", "MC.run", 1))
+    counts = {"until": 240, "period": 60, "methods": ["fuzzy"]}
+    table = false_alarms(4, rules=running, rng=1, **counts)
+    assert table.loc["fuzzy", ["commands", "alarmed"]].tolist() == [16, 16]
+    quiet = own(Rule("X1", "OT.hot", 1))
+    assert false_alarms(4, rules=quiet, rng=1, **counts).loc["fuzzy", "alarmed"] == 0
+    same = false_alarms(4, rules=rule_base(), rng=1, **counts)
+    pd.testing.assert_frame_equal(same, false_alarms(4, rng=1, **counts))
+
+
+def test_trials_name_a_fault_by_the_rule_with_its_code():
+    rules = own(Rule("V1", "FP.high & OP.high", 2), Rule("X1", "OT.hot", 1))
+    codes = ["normal", "V1", "O1"]
+    trials = fault_trials(codes, n_valves=4, rules=rules, methods=["fuzzy"], rng=1)
+    table = trials.rates().loc["fuzzy"]
+    assert table["detected"].to_dict() == {"normal": 0, "V1": 1, "O1": 1}
+    assert table["named"].to_dict() == {"normal": 0, "V1": 1, "O1": 0}
+    assert trials.confusion().loc["O1", "X1"] == 4
+
+
+def test_a_fleet_is_diagnosed_by_ones_own_rules():
+    plan = [Command("open", 60.0), Command("close", 200.0)]
+    faults = Fault("V1", valves=2, start=100)
+    rules = own(Rule("MyCode", "FP.high & OP.high", 1))
+    report = run_fleet(3, plan, faults=faults, until=400, rules=rules, rng=1)
+    assert report.faults()["top_fault"].tolist() == ["MyCode"]
+    assert report.false_alarms().empty and not report.faults()["named"].any()
+    blind = run_fleet(3, plan, faults=faults, until=400, rules=own(Rule("O1", "OT.hot", 1)), rng=1)
+    assert blind.faults()["top_fault"].tolist() == [""]
+
+
+def test_rules_with_a_variable_that_no_valve_has_are_refused():
+    term = Term("weak", (0, 1, 2, 3), "x < 2")
+    rules = RuleBase([Variable("Flow", "l/min", 0, 9, (term,))], [Rule("F1", "Flow.weak", 1)])
+    for call in (
+        lambda: false_alarms(2, until=60, period=60, rules=rules, rng=1),
+        lambda: fault_trials(["V1"], n_valves=2, rules=rules, rng=1),
+        lambda: run_fleet(2, [], until=10, rules=rules),
+    ):
+        with pytest.raises(ArgumentError, match="rules use Flow; a run has FP, OP, MC, OT, VPos"):
+            call()

@@ -75,7 +75,7 @@ class Tool:
     def __init__(self, page):
         self.page = page
         self.verdict = page.locator(".shipnet-verdict")
-        self.figure = page.locator("img.shipnet-picture")
+        self.figure = page.locator(".shipnet-answer img")
 
     @classmethod
     def opened(cls, page, app, name):
@@ -134,6 +134,32 @@ class Tool:
             assert self.page.evaluate(OUTSIDE) == [], f"{name} at {width} px"
         self.page.set_viewport_size({"width": 1400, "height": 1000})
 
+    def is_compared(self, name, sweep=None):
+        """Pin the answer, sweep a control and download a file, on a desk and on a phone."""
+        pin = self.page.get_by_role("columnheader", name="pin 1")
+        for size, drawn in (((1280, 800), "750"), ((390, 844), "460")):
+            self.page.set_viewport_size({"width": size[0], "height": size[1]})
+            expect(self.figure).to_have_attribute("width", drawn, timeout=LONG)
+            self.button("pin").click()
+            expect(pin).to_be_visible(timeout=LONG)
+            names = [f"shipnet_{name}"]
+            if sweep:
+                names.append(f"shipnet_{name}_sweep")
+                field, words = sweep
+                self.choose("sweep", field)
+                expect(self.page.get_by_text(words)).to_be_visible(timeout=LONG)
+                swept = self.page.locator(".shipnet-page > .shipnet-figure img")
+                expect(swept).to_have_attribute("width", drawn, timeout=LONG)
+            self.button("figure and data").click()
+            for file in names:
+                for kind, start in (("svg", b"<?xml"), ("csv", b"\xef\xbb\xbf")):
+                    with self.page.expect_download() as download:
+                        self.page.get_by_text(f"download {file}.{kind}").click(timeout=LONG)
+                    assert download.value.path().read_bytes().startswith(start)
+            self.button("remove pins").click()
+            expect(pin).to_have_count(0, timeout=LONG)
+        self.page.set_viewport_size({"width": 1400, "height": 1000})
+
     def saved(self):
         with self.page.expect_download() as download:
             self.page.get_by_text("save state").click()
@@ -150,41 +176,40 @@ class Tool:
         expect(self.page.locator(".shipnet-note")).to_have_text(f"{name} is loaded")
 
 
-def test_the_index_leads_to_the_line_which_keys_alone_move_and_which_tells_its_help(page, app):
+def test_the_index_leads_to_a_tool_which_keys_alone_move_and_which_tells_its_help(page, app):
     page.goto(app, timeout=LONG)
     links = page.locator(".shipnet-index li a")
     names = links.evaluate_all("all => all.map(a => a.pathname.split('/').pop())")
+    expect(page.get_by_text("*")).to_have_count(0)
+    expect(page.locator("li em", has_text="time")).to_have_count(1)
     assert names == [f"{name}.ipynb" for name in sorted([*TOOLS, "slow"])]
     widths = page.locator("li img").evaluate_all("all => all.map(image => image.naturalWidth)")
     assert len(widths) == len(TOOLS) and min(widths) > 100
-    links.first.click()
-    expect(page.locator("h1")).to_contain_text("AS-i line", timeout=LONG)
+    links.nth(names.index("modbus_scan.ipynb")).click()
+    expect(page.locator("h1")).to_contain_text("Modbus scan", timeout=LONG)
     assert page.get_by_role("link", name="All tools").evaluate("a => a.pathname") == "/"
 
     tool = Tool(page)
-    tool.says("read 0011001")
-    place = tool.slider("slave at [m]")
-    for _ in range(10):
-        if place.evaluate("handle => handle === document.activeElement"):
+    tool.says("too slow: 2.543 s")
+    registers = tool.slider("registers per slave")
+    for _ in range(20):
+        if registers.evaluate("handle => handle === document.activeElement"):
             break
         page.keyboard.press("Tab")
     else:
         pytest.fail("Tab does not come to the second slider")
     shown = page.locator(".shipnet-help").filter(visible=True)
-    expect(shown).to_have_text(re.compile("Distance of the slave from master"))
-    assert shown.bounding_box()["y"] > place.bounding_box()["y"]
+    expect(shown).to_have_text(re.compile("Holding registers to read"))
+    assert shown.bounding_box()["y"] > registers.bounding_box()["y"]
     page.keyboard.press("ArrowRight")
-    expect(page.locator(".widget-readout").nth(1)).to_have_text("10")
+    expect(registers).to_have_attribute("aria-valuenow", "11.0")
 
-    def terminated(on):
-        page.get_by_label("100 ohm at the end").set_checked(on)
 
-    tool.moves(lambda: tool.press("length [m]", 20), "read 0011001", "AlternationError")
-    terminated(True)
-    tool.says("read 0011001")
-    tool.comes_back(lambda: terminated(False), "AlternationError", "read 0011001")
-    expect(page.get_by_label("100 ohm at the end")).to_be_checked()
-    tool.is_pictured("asi_line")
+def test_the_bench_is_pictured(page, app):
+    tool = Tool.opened(page, app, "asi_bench")
+    tool.says("1. slave voltage: 24.47 V")
+    page.locator(".shipnet-cable").get_by_role("slider").first.wait_for(timeout=LONG)
+    tool.is_pictured("asi_bench")
 
 
 def test_on_a_phone_the_figure_stays_in_view_and_a_link_carries_the_values(page, app):
@@ -213,31 +238,29 @@ def test_on_a_phone_the_figure_stays_in_view_and_a_link_carries_the_values(page,
 
 
 def test_a_state_that_is_not_one_is_refused_in_a_sentence(page, app):
-    tool = Tool.opened(page, app, "asi_network")
-    tool.moves(tool.button("shared addresses").click, "slave voltage", "all rules met")
-    tool.press("cable [m]", 10)
-    tool.says("cable length")
-    # The rule is violated before the last key is processed, and a moved control removes a note.
+    tool = Tool.opened(page, app, "modbus_scan")
+    tool.moves(tool.button("one slave too many").click, "too slow: 2.543 s", "too slow: 2.033 s")
+    tool.press("slaves", key="ArrowLeft")
+    tool.says("in time: 1.983 s")
     link = page.get_by_role("link", name="link to this state")
-    expect(link).to_have_attribute("href", "?pairs=15&length=150.0", timeout=LONG)
+    expect(link).to_have_attribute("href", "?slaves=39", timeout=LONG)
     name, state = tool.saved()
     note = page.locator(".shipnet-note")
     for wrong, why in [
-        (state.replace(b"asi_network", b"asi_line"), "its tool is 'asi_line'"),
-        (state.replace(b'"slaves": 31', b'"slaves": 63'), "slaves is 63"),
+        (state.replace(b"modbus_scan", b"can_load"), "its tool is 'can_load'"),
+        (state.replace(b'"slaves": 39', b'"slaves": 248'), "slaves is 248"),
         (b"\x89PNG", "this is not a saved state"),
     ]:
         assert wrong != state
         tool.load("load state", name, wrong)
         expect(note).to_contain_text(f"{name}: {why}", timeout=LONG)
-        expect(tool.slider("cable [m]")).to_have_attribute("aria-valuenow", "150.0")
-        tool.says("cable length")
-    tool.press("cable [m]", 10, "ArrowLeft")
-    tool.says("all rules met")
+        expect(tool.slider("slaves")).to_have_attribute("aria-valuenow", "39.0")
+        tool.says("in time: 1.983 s")
+    tool.press("slaves")
+    tool.says("too slow: 2.033 s")
     expect(note).to_have_count(0)
     tool.load("load state", name, state)
-    tool.says("cable length")
-    tool.is_pictured("asi_network")
+    tool.says("in time: 1.983 s")
 
 
 def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
@@ -245,6 +268,7 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
     rate, back = "bit rate [kbit/s]", "ArrowLeft"
     tool.moves(lambda: tool.press(rate), "speed", "all 10 messages meet their deadlines")
     tool.comes_back(lambda: tool.press(rate, key=back), "speed", "all 10 messages")
+    tool.is_compared("can_load", ("bit rate", "late up to 50 kbit/s; in time from 125 kbit/s"))
     tool.is_pictured("can_load")
     tool.unfold("message set")
     editor = page.locator("textarea")
@@ -257,7 +281,7 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
 
 
 @pytest.mark.parametrize(
-    ("name", "act", "undo", "before", "after"),
+    ("name", "act", "undo", "before", "after", "sweep"),
     [
         (
             "modbus_scan",
@@ -265,6 +289,7 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
             lambda tool: tool.press("dead slaves"),
             "too slow: 2.543 s",
             "in time: 1.576 s",
+            ("slaves", "slaves: in time up to 39; too slow from 40"),
         ),
         (
             "engine_faults",
@@ -272,6 +297,7 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
             lambda tool: tool.choose("design", "as printed, CAN as a line"),
             "18 old values",
             "0 old values",
+            ("time", "time: no old values at all values"),
         ),
         (
             "ring_buffer",
@@ -279,6 +305,7 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
             lambda tool: tool.button("undo").click(),
             "byte 3 of packet 3",
             "3 bytes stored",
+            ("places", "places: bytes lost or in error up to 16; no byte lost from 32"),
         ),
         (
             "valve_diagnosis",
@@ -286,13 +313,17 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
             lambda tool: tool.choose("fault", "V1"),
             "V1: valve stuck",
             "normal",
+            ("pump pressure FP", "pump pressure FP: P2 up to 2.5 bar; normal from 2.55 bar"),
         ),
     ],
 )
-def test_a_tool_is_moved_saved_and_loaded(page, app, name, act, undo, before, after):
+def test_a_tool_is_moved_saved_loaded_and_compared(
+    page, app, name, act, undo, before, after, sweep
+):
     tool = Tool.opened(page, app, name)
     tool.moves(lambda: act(tool), before, after)
     tool.comes_back(lambda: undo(tool), before, after)
+    tool.is_compared(name, sweep)
     tool.is_pictured(name)
 
 
@@ -303,6 +334,8 @@ def test_the_valve_client_opens_a_valve_of_the_server_that_it_starts(page, app):
     tool.press("valve")
     tool.says("valve 6: closed")
     tool.comes_back(lambda: tool.press("valve", key="ArrowRight"), "valve 7", "valve 6")
+    expect(page.get_by_label("sweep")).to_be_hidden()
+    tool.is_compared("valve_client")
     tool.is_pictured("valve_client")
 
 
@@ -324,6 +357,7 @@ def test_the_ship_design_compares_a_list_of_ones_own_and_gives_its_report(page, 
     tool.moves(lambda: modbus.set_checked(False), "points: Modbus RTU", "points: CAN, ")
     expect(options).to_have_count(6)  # without Modbus, single and doubled
     tool.comes_back(lambda: modbus.set_checked(True), "points: Modbus RTU", "points: CAN, ")
+    tool.is_compared("ship_design")
     tool.is_pictured("ship_design")
     total = page.get_by_role("rowheader", name="total cost [EUR]", exact=True)
     # The notebook shows the same table of another list above the page.
@@ -433,6 +467,21 @@ def test_a_page_opened_by_its_link_asks_once_for_its_widgets_and_ends_its_kernel
             page.wait_for_timeout(500)
         else:
             pytest.fail("the kernel of the closed page still runs")
+
+
+def test_a_page_whose_tool_does_not_come_offers_to_start_it_again(page, tmp_path):
+    (folder := tmp_path / "tools").mkdir()
+    write(folder / "slow.ipynb", "import time; time.sleep(600)")
+    page.clock.install()
+    with served(folder, tmp_path, f"{launcher.PREHEAT}=False") as address:
+        link = f"{address}/voila/render/slow.ipynb?wait=1"
+        page.goto(link, wait_until="commit", timeout=LONG)
+        expect(page.get_by_role("status")).to_contain_text("is starting")
+        page.clock.fast_forward(31_000)
+        expect(page.get_by_role("status")).to_contain_text("has not started yet")
+        with page.expect_request(link):
+            page.get_by_role("link", name="Start it again").click()
+        page.goto("about:blank")
 
 
 def test_foreign_host_names_are_refused(app):

@@ -349,7 +349,7 @@ def test_strict_makes_every_doubt_a_fault():
     cases("""\
 cp949|냉각수 온도 5 ℃|cp949;utf-8-sig|5 µm|utf-8;cp1252|Kühlwasser 5 µm, 5 °C|cp1252
 utf-16|5 °C|utf-16;utf-16-le|5 °C|utf-16-le;cp949|빌지|cp949;cp1252|nødstopp øvre dør|cp1252
-cp1252|n° 5, température|cp1252"""),
+cp1252|n° 5, température|cp1252;cp1252|OT [°C]|cp1252"""),
 )
 def test_the_encoding_is_found_and_named(encoding, note, said, tmp_path):
     path = tmp_path / "list.csv"
@@ -363,7 +363,7 @@ def test_the_command_counts_groups_and_saves_all_faults(tmp_path, capsys):
     points, faults, settings = tmp_path / "list.csv", tmp_path / "faults.csv", tmp_path / "own.toml"
     settings.write_text(messy.SETTINGS, encoding="utf-8")
     points.write_bytes(messy.as_csv(messy.rows()[0]))
-    command = ["design", str(points), "--settings", str(settings), "--faults", str(faults)]
+    command = ["design", str(points), "--settings", str(settings), "--save-faults", str(faults)]
     assert main(command) == 2
     lines = capsys.readouterr().err.splitlines()
     assert any("rows 120 and 693, column Frame (F): 'FR 999' and 'FR x'; exp" in s for s in lines)

@@ -105,6 +105,11 @@ def test_a_point_without_a_response_leaves_a_pass_open_but_not_a_fail():
     assert judged(none, "response", 2.0)["verdict"] == "not verified"
 
 
+def test_a_point_is_fast_if_it_is_updated_at_least_every_100_ms():
+    points = ONE_LINE.points.assign(update_ms=[10.0, 100.0, 101.0, np.nan])
+    assert APPLIES["fast"](points).tolist() == [True, True, False, False]
+
+
 def test_hardwired_points_respond_at_once():
     design = ONE_LINE
     points = design.points.assign(bus="hardwired", response_ms=np.nan)

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from shipnet.__main__ import main
 from shipnet.design.catalogue import Assumptions, Range
 from shipnet.design.iolist import IoList
-from shipnet.design.settings import Settings, kind_of, legal, names, shown
+from shipnet.design.settings import Settings, kind_of, legal, names
 from shipnet.errors import ArgumentError, InputError
+from shipnet.toml_file import shown
 
 LIST = "tag,signal,x,y,z\n" + "".join(f"LS-{n},contact,{10 + 3 * n},{n % 3},1\n" for n in range(6))
 EVERY = st.sampled_from(names())

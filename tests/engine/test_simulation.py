@@ -115,6 +115,14 @@ def test_the_loads_are_those_of_the_closed_forms():
     assert run.bus_time["channel 2"] == 0
 
 
+def test_responses_arrive_unless_the_fault_says_that_they_are_lost():
+    healthy, requests_only, both = (
+        simulate(System(), until=20, faults=faults, rng=4).requests()["outcome"].value_counts()
+        for faults in ((), LostModbusFrames("1", request=0.0), LostModbusFrames("1", response=1.0))
+    )
+    assert requests_only.to_dict() == healthy.to_dict() != both.to_dict()
+
+
 def test_the_same_generator_gives_the_same_run():
     faults = [LostCanFrames("JB2"), LostModbusFrames("1")]
     tables = [simulate(System(), until=20, faults=faults, rng=4).table() for _ in range(2)]

@@ -16,7 +16,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shipnet import asi, ballast, can, crc, datasets, design, engine, line, modbus, remote_control
+from shipnet import (
+    asi,
+    ballast,
+    can,
+    crc,
+    datasets,
+    design,
+    engine,
+    fuzzy,
+    line,
+    modbus,
+    remote_control,
+)
 from shipnet.errors import ArgumentError, FrameError, InputError
 from shipnet.modbus.slave import answer as answer_of
 
@@ -312,6 +324,14 @@ TARGETS: dict[str, Target] = {
         lambda data: _file(".xlsx", design.read_iolist)(_sheet(data)), _sheet_xml
     ),
     "settings": Target(_text(design.Settings.parse), lambda: [design.Settings().text().encode()]),
+    "rules": Target(_file(".toml", fuzzy.read_rules), _data("kim2014_assumed_rules.toml")),
+    "log of a valve": Target(
+        _file(".csv", ballast.read_log),
+        lambda: [
+            "Zeit;FP [bar];OT [\N{DEGREE SIGN}C]\n1.2.2026 12:00:01,5;90,5;-\n".encode("cp1252"),
+            b"time_s,FP_bar,VPos_percent\n0.0,90.5,10\n1.5,91.5,20\n",
+        ],
+    ),
     "class rules": Target(_file(".csv", design.RuleSet.read), _data("design_rules.csv")),
 }
 

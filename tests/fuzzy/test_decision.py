@@ -148,3 +148,26 @@ def test_one_sample_has_no_past():
     assert repr(BASE.decide({"OT": [95, 50, 50]})) == "Decision(3 samples: 1 O1, 2 undetermined)"
     with pytest.raises(ArgumentError, match="at most two fit in a table"):
         BASE.decide({"OT": [[95]]}).table()
+
+
+@pytest.mark.parametrize(
+    ("pressure", "ok", "verdict"),
+    [
+        ([90, 90], True, "2 samples: 2 normal"),
+        ([90, 125], False, "2 samples: 1 V1, 1 normal"),
+        ([90, np.nan], None, "2 samples: 1 normal, 1 undetermined"),
+        ([125, np.nan], False, "2 samples: 1 V1, 1 undetermined"),
+        ([], True, "0 samples: "),
+    ],
+)
+def test_a_decision_is_good_if_every_sample_is_normal(pressure, ok, verdict):
+    other = {"OP": 4, "MC": 1.2, "OT": 50, "VPos": 50, "DVPos": 9}
+    decision = rule_base().decide({"FP": pressure, **other})
+    assert (decision.ok, decision.verdict) == (ok, verdict)
+    assert repr(decision) == f"Decision({verdict})"
+
+
+def test_a_decision_is_drawn_as_its_strengths(ax):
+    decision = rule_base().decide({"FP": [90, 125], "OP": 4})
+    assert decision.plot(ax=ax) is ax
+    assert ax.images[0].get_array().T.tolist() == decision.firing.strength.tolist()

@@ -2,6 +2,7 @@
 
 import copy
 import dis
+import hashlib
 import inspect
 import os
 import pkgutil
@@ -17,7 +18,7 @@ from hypothesis import given, settings
 
 import shipnet
 from shipnet import Code, asi, can
-from shipnet.compiled import KERNELS, MANY, Kernel, compiled
+from shipnet.compiled import KERNELS, MANY, Kernel, _Cache, compiled
 from shipnet.errors import ArgumentError
 from tests.kernels import ARGUMENTS
 
@@ -133,16 +134,18 @@ def test_small_jobs_never_wait_for_the_compiler(job, monkeypatch):
 
 PROGRAM = """
 import sys
+import numpy as np
 sys.prefix = sys.base_prefix
 from model import climb
-print(climb.run(int(sys.argv[1]), int(sys.argv[1])), "numba" in sys.modules)
+steps = np.dtype(sys.argv[1]).type(sys.argv[2])
+print(climb.run(steps, steps), "numba" in sys.modules)
 """
 
 
-def start(folder, steps):
+def start(folder, kind="int64"):
     """Start the program in a folder that also contains its cache."""
     return subprocess.Popen(
-        [sys.executable, "-W", "error", "-c", PROGRAM, str(steps)],
+        [sys.executable, "-W", "error", "-c", PROGRAM, kind, str(MANY)],
         env=os.environ | {"HOME": str(folder), "USERPROFILE": str(folder)},
         cwd=folder,
         stdout=subprocess.PIPE,
@@ -154,26 +157,89 @@ def printed(process):
     return process.communicate()[0].split()
 
 
-@pytest.fixture
-def folder(tmp_path):
+def test_processes_share_a_cache_and_an_edited_source_is_compiled_again(tmp_path):
     models = inspect.getsource(step.plain) + inspect.getsource(climb.plain)
-    (tmp_path / "model.py").write_text(f"from shipnet.compiled import compiled\n{models}", "utf-8")
-    return tmp_path
+    model, imported = tmp_path / "model.py", "from shipnet.compiled import compiled\n"
+    model.write_text(imported + models, "utf-8")
+    for _ in range(2):
+        both = [start(tmp_path, kind) for kind in ("int32", "int64")]
+        assert [printed(process) for process in both] == [[str(MANY), "True"]] * 2
+        # `step` is called with the literal 0 and with an integer.
+        names = [file.name.partition("-")[0] for file in tmp_path.rglob("*.kernel")]
+        assert sorted(names) == ["climb", "climb", "step", "step"]
+    model.write_text(imported + models.replace("value + 1", "value + 2"), "utf-8")
+    assert printed(start(tmp_path)) == [str(2 * MANY), "True"]
+    assert len(list(tmp_path.rglob("*.kernel"))) == 7
 
 
-def cached(folder):
-    return sorted(folder.rglob("*.nbi"))
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """The folder of a cache, which contains the compiled form of `step`."""
+    monkeypatch.setattr(Kernel, "_folder", lambda kernel: tmp_path / "cache")
+    assert Kernel(step.plain).fast(7) == 8
+    return tmp_path / "cache"
 
 
-def test_an_edited_source_is_compiled_again_and_processes_can_share_a_cache(folder):
-    both = [start(folder, MANY), start(folder, MANY)]
-    assert [printed(process) for process in both] == [[str(MANY), "True"]] * 2
-    before = cached(folder)
-    assert len(before) == 2
-    model = folder / "model.py"
-    model.write_text(model.read_text("utf-8").replace("value + 1", "value + 2"), "utf-8")
-    assert printed(start(folder, MANY)) == [str(2 * MANY), "True"]
-    assert len(cached(folder)) == 4
+def test_a_form_is_loaded_from_the_cache(cache, monkeypatch):
+    monkeypatch.setattr(_Cache, "save_overload", lambda *_: pytest.fail("compiled again"))
+    assert Kernel(step.plain).fast(7) == 8
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: b"",
+        lambda content: content[: len(content) // 2],
+        lambda content: content[:-1],
+        lambda content: bytes(len(content)),
+        lambda content: content[:-500] + bytes([content[-500] ^ 1]) + content[-499:],
+    ],
+    ids=["empty", "truncated", "one byte less", "zeros", "one bit"],
+)
+def test_a_damaged_form_is_compiled_and_saved_again(cache, damage):
+    (file,) = cache.iterdir()
+    file.write_bytes(damage(file.read_bytes()))
+    assert Kernel(step.plain).fast(7) == 8
+    check_sum, _, form = file.read_bytes().partition(b"\n")
+    assert check_sum.decode() == hashlib.sha256(form).hexdigest()
+
+
+def test_a_full_disk_costs_only_time(cache):
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for file in cache.iterdir():
+        file.unlink()
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        assert Kernel(step.plain).fast(7) == 8
+        assert [file.stat().st_size for file in cache.iterdir()] == [1000]
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert Kernel(step.plain).fast(7) == 8
+    assert [file.stat().st_size > 1000 for file in cache.iterdir()] == [True]
+
+
+@pytest.mark.parametrize("hindrance", ["a file", "a folder", "read-only"])
+def test_a_cache_that_cannot_be_used_costs_only_time(cache, hindrance):
+    (file,) = cache.iterdir()
+    file.unlink()
+    if hindrance == "a file":
+        cache.rmdir()
+        cache.touch()
+    elif hindrance == "a folder":
+        file.mkdir()
+    else:
+        cache.chmod(0o555)
+    assert Kernel(step.plain).fast(7) == 8
+
+
+def test_without_a_home_folder_nothing_is_cached(monkeypatch):
+    def no_home():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(sys, "prefix", sys.base_prefix)
+    monkeypatch.setattr(Path, "home", no_home)
+    assert Kernel(step.plain).fast(7) == 8
 
 
 def test_code_shows_the_plain_source_of_a_kernel():

@@ -2,12 +2,17 @@
 
 import io
 import os
+import random
 import signal
+import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.util import find_spec
 from multiprocessing.pool import ThreadPool
+from threading import Event
 
 import numpy as np
 import pytest
@@ -17,7 +22,7 @@ from nbformat.v4 import new_code_cell, new_notebook
 from shipnet import asi, ballast, design, engine, papers, parallel
 from shipnet import remote_control as rc
 from shipnet.errors import ArgumentError
-from tests.support import require, two_workers
+from tests.support import PATIENCE, require, two_workers
 
 spread = partial(parallel.spread, step="tasks")
 
@@ -92,9 +97,88 @@ def test_a_task_that_kills_every_process_ends_the_work():
     def dies(task):
         os.kill(os.getpid(), signal.SIGKILL)
 
-    with pytest.raises(RuntimeError, match="died 5 times in succession") as caught:
+    match = "died 5 times in succession; if the memory is full, take fewer workers"
+    with pytest.raises(ChildProcessError, match=match) as caught:
         spread(dies, range(2), workers=2)
     assert caught.value.__notes__ == ["in task 0: 0"]
+
+
+#: Two short tasks, the second of which prints a word, then long ones. A process that outlives the
+#: work is then seen.
+STUCK = """
+import signal, sys, time
+from shipnet.parallel import spread
+signal.signal(signal.SIGINT, signal.default_int_handler)
+def wait(task):
+    if task == 1:
+        print("begun", flush=True)
+    time.sleep(0 if task < 2 else 600)
+    return 1 / (task != int(sys.argv[1]))
+spread(wait, range(8), 2, step="tasks")
+"""
+
+
+@contextmanager
+def working(failing=-1):
+    """Start the long tasks in a process group of their own."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    command = [sys.executable, "-c", STUCK, str(failing)]
+    with subprocess.Popen(command, **pipes, start_new_session=True) as program:
+        try:
+            yield program
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(program.pid, signal.SIGKILL)
+
+
+def errors_at_end(program):
+    """Wait until the program and its processes have closed their outputs; return the errors."""
+    return program.communicate(timeout=PATIENCE)[1]
+
+
+@pytest.mark.parametrize("send", [os.kill, os.killpg], ids=["parent", "all"])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("moment", ["at random", "during the tasks"])
+def test_no_process_outlives_work_that_is_killed_or_interrupted(send, number, moment):
+    cluster()
+    with working() as program:
+        if moment == "at random":
+            time.sleep(random.Random(f"{send} {number}").uniform(0.3, 1.5))
+        else:
+            assert program.stdout.readline() == "begun\n"
+        send(program.pid, number)
+        errors = errors_at_end(program)
+        assert program.returncode == -number
+        assert number == signal.SIGKILL or errors.endswith("KeyboardInterrupt\n")
+
+
+def test_no_process_outlives_work_that_fails():
+    cluster()
+    with working(failing=1) as program:
+        assert errors_at_end(program).endswith(
+            "ZeroDivisionError: division by zero\nin task 1: 1\n"
+        )
+
+
+def test_a_task_that_fails_cancels_the_other_tasks():
+    class Stop(Exception):
+        pass
+
+    begun, go_on = [], Event()
+
+    def task(number):
+        begun.append(number)
+        if number == 0:
+            raise Stop
+        go_on.wait(60)
+
+    with ThreadPoolExecutor(1) as pool:
+        try:
+            spread(task, range(9), pool.map)
+        except Stop as problem:  # kept, as by an interactive shell
+            kept = problem
+        go_on.set()
+    assert kept and len(begun) <= 2
 
 
 def test_dask_gives_the_same_bits_though_a_worker_is_killed(dask):

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import shipnet
-from shipnet import asi, can, datasets, design, line
+from shipnet import asi, ballast, can, datasets, design, fuzzy, line
 from shipnet.__main__ import main
 from shipnet.asi.plan_file import read_elements, write_elements
 from shipnet.design.iolist import IoList, read_iolist
@@ -188,6 +188,7 @@ MADE = {
         ".toml",
         design.Settings.read,
     ),
+    "fuzzy.RuleBase": (ballast.rule_base, ".toml .fcl .st", fuzzy.read_rules),
     "line.Waveform": (lambda: line.Waveform([0.0, 1.5], 1e-6), ".csv .txt .npz", None),
 }
 FOLDERS = [name for name, (_, legal, _) in MADE.items() if legal == "folder"]

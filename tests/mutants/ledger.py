@@ -7,9 +7,9 @@ Each row of `constants.csv` is a constant of a model: its file, its text, anothe
 papers that rest on it. Every such paper must have a claim that comes to something else with the
 other value. The run fails if one has none. With words, only rows that hold one of them run.
 
-`--draw` draws constants at random from all that a call of a claim reaches, and doubles or halves
-each; the seed is printed. At least seven eighths must move a claim; for the others `elsewhere.csv`
-must name a test that fails instead.
+`--draw` draws constants at random from all that a call of a claim reads, other than in a check that
+refuses arguments, and doubles or halves each; the seed is printed. At least seven eighths must move
+a claim; for the others `elsewhere.csv` must name a test that fails instead.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import argparse
 import ast
 import csv
 import dis
+import gc
 import inspect
 import os
 import random
@@ -196,8 +197,8 @@ def _is_number(node: object) -> bool:
 def reached() -> dict[Literal, list[str]]:
     """Return the constants whose value a call of a claim reads, each with these claims.
 
-    A default counts if an object has it because the caller named no other value. What only the
-    check of a new object reads does not count.
+    A default counts if an object has it because the caller named no other value. What only a check
+    of arguments reads does not count: it decides what is refused, not what an answer is.
     """
     with get_context("fork").Pool(1) as pool:
         reading: dict[Literal, list[str]] = pool.apply(_reached, (list(literals()),))
@@ -257,16 +258,15 @@ class Default:
             named = constructor.__kwdefaults__ or {}
             if named.get(constant.name) is value:
                 named[constant.name] = default
-        setattr(owner, constant.name, cls(stored, constant, default, read))
+        watcher = cls(stored, constant, default, read)
+        for made in gc.get_objects():  # those that were made at import
+            if type(made) in {owner, *_derived(owner)} and watcher._value(made) is value:
+                watcher._store(made, default)
+        setattr(owner, constant.name, watcher)
 
     def __get__(self, made: Any, kind: type) -> Any:
         """Return the value; report it if it is the default and no check asks for it."""
-        if made is None:
-            value = self.default
-        elif hasattr(self.stored, "__set__"):
-            value = self.stored.__get__(made, kind)
-        else:
-            value = vars(made)[self.constant.name]
+        value = self.default if made is None else self._value(made)
         code = sys._getframe(1).f_code
         checks = code.co_filename == "<string>" or code.co_filename.endswith("shipnet/fields.py")
         if (
@@ -277,15 +277,23 @@ class Default:
             self.read(self.constant)
         return value
 
-    def __set__(self, made: Any, value: Any) -> None:
-        """Store the value as the class did; the check of a default stores an equal number."""
-        checks = sys._getframe(1).f_code.co_filename.endswith("shipnet/fields.py")
-        if checks and self.__get__(made, type(made)) is self.default:
-            return
+    def _store(self, made: Any, value: Any) -> None:
         if hasattr(self.stored, "__set__"):
             self.stored.__set__(made, value)
         else:
             vars(made)[self.constant.name] = value
+
+    def _value(self, made: Any) -> Any:
+        if hasattr(self.stored, "__set__"):
+            return self.stored.__get__(made, type(made))
+        return vars(made)[self.constant.name]
+
+    def __set__(self, made: Any, value: Any) -> None:
+        """Store the value as the class did; the check of a default stores an equal number."""
+        checks = sys._getframe(1).f_code.co_filename.endswith("shipnet/fields.py")
+        if checks and self._value(made) is self.default:
+            return
+        self._store(made, value)
 
 
 def _derived(owner: type) -> list[type]:
@@ -298,6 +306,7 @@ def _loads(code: CodeType, constants: list[Literal]) -> dict[int, Literal]:
     file = code.co_filename.rpartition("/shipnet/")[2]
     if "/shipnet/" not in code.co_filename or code.co_name == "__post_init__":
         return {}
+    refused = refusals(file)
     visible = {
         constant.name: constant
         for constant in constants
@@ -307,7 +316,10 @@ def _loads(code: CodeType, constants: list[Literal]) -> dict[int, Literal]:
     return {
         step.offset: visible[step.argval]
         for step in (dis.get_instructions(code) if visible else ())
-        if step.opname in {"LOAD_GLOBAL", "IMPORT_FROM"} and step.argval in visible
+        if step.opname in {"LOAD_GLOBAL", "IMPORT_FROM"}
+        and step.argval in visible
+        and step.positions is not None
+        and (step.positions.lineno, step.positions.col_offset) not in refused
     }
 
 
@@ -332,6 +344,30 @@ def _trace(
 
 
 @cache
+def refusals(file: str) -> set[tuple[int, int]]:
+    """Return line and column of each name in a file that only decides whether to refuse arguments.
+
+    Such names stand in an `if` that does nothing but raise an ArgumentError, among the arguments of
+    a check of `shipnet.fields`, or in a function `check_...` that returns nothing.
+    """
+    checks: list[ast.AST] = []
+    for node in ast.walk(ast.parse((ROOT / "shipnet" / file).read_text(encoding="utf-8"))):
+        match node:
+            case ast.If(body=[ast.Raise(exc=ast.Call(func=ast.Name(id="ArgumentError")))]):
+                checks.append(node)
+            case ast.Call(func=ast.Name(id="check_scalar" | "check_whole"), args=arguments):
+                checks += arguments
+            case ast.FunctionDef(name=name, returns=ast.Constant(value=None)):
+                checks += [node] * name.startswith("check_")
+    return {
+        (name.lineno, name.col_offset)
+        for check in checks
+        for name in ast.walk(check)
+        if isinstance(name, ast.Name)
+    }
+
+
+@cache
 def imported(file: str, module: str) -> set[str]:
     """Return the names that a file of the package imports from a module."""
     tree = ast.parse((ROOT / "shipnet" / file).read_text(encoding="utf-8"))
@@ -341,6 +377,14 @@ def imported(file: str, module: str) -> set[str]:
         if isinstance(node, ast.ImportFrom) and node.module == module
         for alias in node.names
     }
+
+
+def _first_moved(package: Path, claims: list[str], original: dict[str, str]) -> str:
+    """Return the first of the claims that comes to something else; "" if none does."""
+    changed = results(package, claims, original)
+    if isinstance(changed, str):
+        return ""  # the package refuses the value at import
+    return next((claim for claim in changed if changed[claim] != original[claim]), "")
 
 
 def draw(number: int, seed: int) -> int:
@@ -356,7 +400,10 @@ def draw(number: int, seed: int) -> int:
             shutil.copytree(ROOT / folder, package / folder)
         shutil.copy2(ROOT / "pyproject.toml", package)
         drawn = random.Random(seed).sample(list(constants), number)
-        original = results(package, sorted({claim for one in drawn for claim in constants[one]}))
+        papers = sorted(
+            {claim.partition("-")[0] for readers in constants.values() for claim in readers}
+        )
+        original = results(package, papers)
         if isinstance(original, str):
             raise RuntimeError(original)
         for constant in drawn:
@@ -367,9 +414,9 @@ def draw(number: int, seed: int) -> int:
             seen, fails = "", False
             for factor in (2, 0.5):
                 file.write_text(constant.changed(text, factor), encoding="utf-8")
-                changed = results(package, constants[constant], original)
-                if isinstance(changed, dict):  # else the package refuses the value at import
-                    seen = next((c for c in changed if changed[c] != original[c]), "")
+                # A claim that gets a value from a cache is not among those that read the constant.
+                seen = _first_moved(package, constants[constant], original)
+                seen = seen or _first_moved(package, papers, original)
                 if seen:
                     break
                 if test and not fails:

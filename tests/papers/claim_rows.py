@@ -31,7 +31,8 @@ KINDS = ("numeric", "qualitative", "erratum", "context", "ours")
 #: Verdicts that go against a paper, or put a condition beside it; each needs evidence.
 AGAINST = ("rounding", "unit", "wrong", "inconsistent", "assumption differs")
 VERDICTS = ("agrees", *AGAINST, *UNDECIDED)
-#: Conditions under which a verdict holds; all but the first say which after a colon.
+#: Conditions under which a verdict holds; all but the first say which after a colon. A claim whose
+#: verdict is "assumption differs" holds only under the condition.
 CONDITIONS = (AS_PRINTED, "as corrected", "under our assumption")
 _ID = re.compile(r"[a-z]+\d{4}-\d{3}")
 

@@ -14,7 +14,7 @@ def test_the_papers_numbers_and_the_assumption_behind_them():
     transaction = Transaction(2, 2)
     assert round(1e-3 / transaction.bit_time) == float(PRINTED["gross rate"])
     assert round(100 * float(transaction.efficiency())) == float(PRINTED["efficiency"])
-    # The printed net rate is not reached under any assumption, the product of the others neither.
+    # The printed net rate needs a pause of 1.92 bit times; it is not the product of the others.
     printed = float(PRINTED["net rate, highest"])
     assert (rate_table()["net_kbit_per_s"].round(1) != printed).all()
     assert 8 / (printed * 1e3) / 6e-6 == pytest.approx(24.92, abs=5e-3)

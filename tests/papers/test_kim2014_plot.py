@@ -6,7 +6,7 @@ import pytest
 
 from shipnet.ballast.scan import System
 from shipnet.ballast.wear import Wear
-from shipnet.errors import ArgumentError, CrcError
+from shipnet.errors import CrcError
 from shipnet.modbus.faults import Break
 from shipnet.modbus.frame import rtu_frame, tcp_frame
 from shipnet.modbus.pdu import Request, decode
@@ -94,11 +94,11 @@ def test_the_rows_that_fire_and_those_that_do_not_make_13():
 
 
 def test_a_fault_without_severity_is_not_reported_and_the_worst_is():
-    table = graded_trials(["V1", "Pos4", "O1"], n_valves=3, rng=np.random.default_rng(2024))
-    assert table["severity"].tolist() == 3 * [0, 0.5, 1]
-    assert (table.loc[table["severity"] == 0, "said"] == "nothing").all()
-    worst = table[table["severity"] == 1].set_index("fault")["said"]
-    assert worst.to_dict() == {
+    table = graded_trials(rng=np.random.default_rng(2024))
+    assert table["severity"].nunique() == 101
+    some = table[table["fault"].isin(["V1", "Pos4", "O1"])]
+    assert (some.loc[some["severity"] == 0, "said"] == "nothing").all()
+    assert some[some["severity"] == 1].set_index("fault")["said"].to_dict() == {
         "V1": "its own name",
         "Pos4": "another fault's name",
         "O1": "its own name",
@@ -115,9 +115,3 @@ def test_more_strokes_predict_the_end_of_a_pump_more_closely():
     width = table["high"] - table["low"]
     assert (width.diff().dropna() < 0).all()
     assert (abs(table["remaining"] - table["true"]) <= width).all()
-
-
-@pytest.mark.parametrize("valves", [0, 9999, -1])
-def test_too_few_or_too_many_graded_valves_are_refused(valves):
-    with pytest.raises(ArgumentError, match="n_valves"):
-        graded_trials(["V1", "O1"], n_valves=valves, rng=np.random.default_rng(0))

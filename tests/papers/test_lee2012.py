@@ -13,11 +13,12 @@ from pymodbus.pdu import DecodePDU
 from shipnet.can import simulate
 from shipnet.can.faults import ErrorAt
 from shipnet.engine.class_rules import Redundancy
-from shipnet.engine.faults import DeadBox, LostModbusFrames
+from shipnet.engine.faults import CanBreak, DeadBox, LostModbusFrames
 from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import read_points
 from shipnet.engine.registers import CODINGS
 from shipnet.engine.simulation import simulate as simulate_engine
+from shipnet.engine.simulation import single_failures
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.modbus.electrical import INTERFACES
@@ -45,10 +46,19 @@ def test_a_character_has_eleven_bits_on_the_line():
 
 def test_31_is_a_count_of_stations():
     assert INTERFACES["RS-485"].receivers == 32
-    assert REGISTRY["lee2012-025"]() == 31
+    assert REGISTRY["lee2012-025"]() == 247
     assert rtu_frame(247, b"\x03")
     with pytest.raises(ArgumentError, match=r"0\.\.247"):
         rtu_frame(248, b"\x03")
+
+
+def test_a_cut_can_cable_disconnects_points_if_one_channel_is_polled():
+    cut = [CanBreak("JB1-JB2", start=10.0)]
+    lost = {
+        polled: single_failures(System.corrected(polled=polled), cut, trials=1)["lost"].max()
+        for polled in ("one", "both")
+    }
+    assert lost["one"] > 0 == lost["both"]
 
 
 def test_no_frame_carries_the_master():

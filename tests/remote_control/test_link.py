@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from shipnet import modbus
 from shipnet.errors import ArgumentError
-from shipnet.papers.chung1998 import ring_trials
 from shipnet.remote_control import (
     Change,
     CobsFormat,
@@ -290,7 +289,6 @@ def test_a_packet_that_the_end_of_the_run_cuts_off_is_not_drawn_as_lost(ax):
             r"number.*is 10.*0\.\.9",
         ),
         (lambda: System(ring_size=33).overrun_stall(), "ring_size is 33"),
-        (lambda: ring_trials(duration=5.1), "duration is 5.1 s"),
         (lambda: simulate(System(), until=1).plot(start=50, stop=60), "contains 0 packets"),
     ],
 )

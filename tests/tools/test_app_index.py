@@ -1,5 +1,6 @@
 """docs/app.py: a card for each tool, and Voila's template, which loads nothing from outside."""
 
+import asyncio
 import re
 from base64 import b64decode
 from html import unescape
@@ -8,7 +9,7 @@ import nbformat
 import pytest
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
-from docs import app
+from docs import app, pool
 
 EXPLORE = app.ROOT / "notebooks" / "explore"
 
@@ -45,8 +46,26 @@ def test_the_index_lists_all_tools_and_escapes_their_text(tmp_path):
     app.build(tmp_path, tmp_path / "data")
 
 
+def test_a_card_shows_the_emphasis_of_markdown():
+    card = app.html(app.Card("a", "A *b*", "Move the *time* slider: 2 * 3.", ""))
+    assert "<p>Move the <em>time</em> slider: 2 * 3.</p>" in card
+    assert "<h2>A <em>b</em></h2>" in card
+
+
 def test_the_template_loads_nothing_from_outside(tmp_path):
     template = app.build(EXPLORE, tmp_path)
     for path in template.iterdir():
         loads = re.findall(r"""(?:src|href)=["']?(?:https?:)?//|url\(|@import""", path.read_text())
         assert loads == [], path.name
+
+
+def test_messages_to_a_page_are_sent_at_once(monkeypatch):
+    done = []
+
+    async def opened(self, kernel_id):
+        done.append(kernel_id)
+
+    monkeypatch.setattr(pool.app.VoilaKernelWebsocketHandler, "open", opened)
+    monkeypatch.setattr(pool.Channel, "set_nodelay", lambda self, on: done.append(on))
+    asyncio.run(pool.Channel.open(pool.Channel.__new__(pool.Channel), "kernel"))
+    assert done == [True, "kernel"]

@@ -1,6 +1,10 @@
+from io import StringIO
+
+import pandas as pd
 import pytest
 
 from shipnet.can import MessageSet, response_times, spread_offsets
+from shipnet.tables import as_workbook
 from shipnet.tools.can_load import EXAMPLE, CanLoad
 from tests.support import load
 
@@ -80,3 +84,22 @@ def test_a_binary_file_changes_nothing_and_a_windows_text_is_read():
     assert page.controls["text"].value == EXAMPLE and "meet their deadlines" in page.text
     load(page.uploads["load a message set"], EXAMPLE.replace("alarm", "\xf6l").encode("cp1252"))
     assert "\xf6l" in page.controls["text"].value and page.note == ""
+
+
+def test_a_log_and_a_workbook_are_loaded_as_text_with_remarks():
+    pytest.importorskip("openpyxl")
+    page = CanLoad().explore()
+    upload, editor = page.uploads["load a message set"], page.controls["text"]
+    lines = [f"({k / 100:.6f}) can0 100#0102030405060708" for k in range(200)]
+    lines += [f"({k / 100 + 0.001:.6f}) can0 2A0#01" for k in (3, 50, 51, 180)]
+    log = "\n".join(sorted(lines)).encode()
+    load(upload, log, "ship.log")
+    assert editor.value.startswith("# from a log: 1 periodic, 1 unclear; if not")
+    assert "0x100,0x100,8,10," in editor.value and page.note == ""
+    assert "all 2 messages meet their deadlines" in page.text
+    load(upload, log.replace(b"100#01", b"100#0102"), "ship.log")
+    assert page.note.startswith("ship.log: line 1") and "all 2 messages" in page.text
+    load(upload, as_workbook({"list": pd.read_csv(StringIO(EXAMPLE))}), "list.xlsx")
+    assert MessageSet.parse(editor.value) == MessageSet.parse(EXAMPLE) and page.note == ""
+    load(upload, EXAMPLE.encode(), "list.csv")
+    assert editor.value == EXAMPLE

@@ -115,6 +115,7 @@ def test_reused_axes_show_nothing_of_the_last_plot(tool):
         except (ArgumentError, InputError):
             continue
         axes, words, new = sheet.axes, sheet._words, Sheet()
+        sheet.fit()
         shown, fresh = (one.png(view.plot, 5, 4) for one in (sheet, new))
         if sheet._words == words:
             # The layout is unchanged.
@@ -159,13 +160,14 @@ def test_every_story_is_shown_after_any_other_and_a_page_can_open_on_the_first(t
     page = kind_of(tool)().explore(story=True)
     try:
         opened, first = page.text, next(iter(page.stories))
-        assert len(page.stories) == 3 and page._look.value.endswith("?")
+        assert len(page.stories) >= 3 and page._look.value.endswith("?")
         shown = {}
         for story, button in page.stories.items():
             button.click()
-            assert page.note == "" and page.figure.value and page._look.value.endswith("?"), story
+            assert page.note == "" and page._look.value.endswith("?"), story
+            assert page.figure.value or page.drawing
             shown[page._look.value] = page.text
-        assert len(shown) == len(set(shown.values())) == 3
+        assert len(shown) == len(set(shown.values())) == len(page.stories)
         # Each number in a story is shown on the page or is the value of a control.
         told = re.findall(r"\d+\.\d+|\d\d+", unescape(" ".join(shown)))
         values = [{**story, "look": ""} for story in page._stories.values()]

@@ -28,10 +28,12 @@ from shipnet.fields import (
 )
 from shipnet.tools._page import Page, draw_steps, stepper
 from shipnet.tools._view import (
+    Answer,
     Button,
     Preset,
     Upload,
     View,
+    details,
     read_link,
     read_state,
     write_link,
@@ -43,8 +45,8 @@ WITHOUT_WIDGETS = """
 import sys
 sys.modules["ipywidgets"] = None
 from shipnet import tools
-print(tools.AsiLine().verdict)
-for use in (lambda: tools.AsiLine().explore(), lambda: tools.ValveClient, lambda: tools.stepper):
+print(tools.AsiBench().verdict)
+for use in (lambda: tools.AsiBench().explore(), lambda: tools.ValveClient, lambda: tools.stepper):
     try:
         use()
     except ImportError as problem:
@@ -160,10 +162,9 @@ def test_a_table_is_shown_between_verdict_and_numbers():
     table = pd.DataFrame({"cost <EUR>": ["<1", "2"]}, index=["a & b", "c"])
     view = View(verdict="two", ok=True, numbers={"n": "2"}, table=table, caption="made <up>")
     assert str(view).splitlines()[-2:] == ["made <up>", "n: 2"] and "cost <EUR>" in str(view)
-    html = view.answer + view.details
-    order = ["two", "cost &lt;EUR&gt;", "a &amp; b", "<td>&lt;1</td>", "made &lt;up&gt;", "<dt>n"]
+    html = view.answer + details(Answer(Toy(), view))
+    order = ["two", "cost &lt;EUR&gt;", "a &amp; b", "<td>&lt;1</td>", "made &lt;up&gt;", ">n</th>"]
     assert sorted(map(html.index, order)) == [html.index(part) for part in order]
-    assert View(verdict="none", ok=True).details == ""
 
 
 def test_a_preset_sets_all_controls_and_is_computed_once(seen):
@@ -229,7 +230,9 @@ TOYS = st.builds(
 
 @given(toy=TOYS)
 def test_a_saved_state_is_loaded_unchanged(toy):
-    assert read_state(write_state(TOOL, toy).encode(), TOOL, Toy) == toy
+    assert read_state(write_state(TOOL, toy).encode(), TOOL, Toy) == [toy]
+    pinned = write_state(TOOL, toy, [Toy(), toy]).encode()
+    assert read_state(pinned, TOOL, Toy) == [toy, Toy(), toy]
 
 
 def state(**changes):
@@ -275,9 +278,11 @@ def test_a_state_that_is_saved_when_the_verdict_changes_is_the_new_one(page):
         (state(inputs={"bus": ["CAN"]}), r"bus is \('CAN',\)"),
         (state(inputs={"done": [["a"]]}), r"one of done is \['a'\]"),
         (state(inputs={"ring": True, "bus": "AS-i"}), "AS-i has none"),
+        (state(pins={"slaves": 9}), "its pins are not a list of inputs"),
+        (state(pins=[{"slaves": 9}]), "input 'dead' is missing"),
         (b" " * 2_000_001, "it has 2000001 bytes"),
     ],
-    ids=range(15),
+    ids=range(17),
 )
 def test_an_illegal_state_is_refused_and_nothing_changes(page, content, message):
     page.controls["length"].value = 77.0
@@ -289,13 +294,14 @@ def test_an_illegal_state_is_refused_and_nothing_changes(page, content, message)
     assert page.text.startswith("5 slaves")
 
 
-def query(toy):
-    return unescape(re.search(r'href="\?([^"]*)"', write_link(toy))[1])
+def query(toy, *pins):
+    return unescape(re.search(r'href="\?([^"]*)"', write_link(toy, pins))[1])
 
 
 @given(toy=TOYS)
 def test_a_link_is_read_back_unchanged_and_names_only_changed_inputs(toy):
-    assert read_link(query(toy), Toy) == toy
+    assert read_link(query(toy), Toy) == [toy]
+    assert read_link(query(toy, Toy(), toy), Toy) == [toy, Toy(), toy]
     assert query(replace(Toy(), dead=3)) == "dead=3" and query(Toy()) == ""
 
 
@@ -312,6 +318,8 @@ def test_a_link_opens_the_page_at_its_values_and_the_page_has_the_same_link(page
         ("slaves=2.5", r"slaves is '2\.5'"),
         ("slaves=%00%ff&ring=yes", "slaves is .*; ring is 'yes'"),
         ("more=1", "unknown input 'more'"),
+        ("slaves=9&pin=slaves%3D31", "slaves is 31"),
+        ("pin=pin%3Dslaves%253D9", "unknown input 'pin'"),
     ],
 )
 def test_an_illegal_link_is_refused_and_the_page_stays(page, seen, wrong, message):
@@ -321,12 +329,15 @@ def test_an_illegal_link_is_refused_and_the_page_stays(page, seen, wrong, messag
     assert page.inputs == Toy()
 
 
-def test_a_narrow_page_gets_a_narrow_figure_unless_it_is_dense(page):
+def test_a_narrow_page_gets_a_narrow_figure_and_may_draw_it_in_another_way(page):
     assert 'width="750" height="100"' in page.figure.value
     page.narrow.value = "yes"
     assert 'width="460" height="80"' in page.figure.value
-    dense = View(verdict="", ok=True, plot=lambda ax: None, height=1, dense=True)
-    assert 'width="750"' in dense.figure(narrow=True)
+    drawn = []
+    view = View(verdict="", ok=True, plot=lambda ax: drawn.append("wide"))
+    for narrow in (lambda ax: drawn.append("narrow")), None:
+        replace(view, narrow=narrow).figure(narrow=True)
+    assert drawn == ["narrow", "wide"]
 
 
 def test_a_slider_shows_the_nearest_step_and_a_browsers_echo_is_not_a_change(page, seen):

@@ -51,7 +51,7 @@ def test_a_valve_travels_in_simulated_time():
     view = ValveClient(valves=8, valve=3).view(readout)
     assert view.verdict == "valve 3: open, 100 %"
     assert view.numbers["motor ran"] == "9.0 s"
-    assert view.numbers["mode"] == "auto, last command open"
+    assert view.numbers["mode"] == "auto" and view.numbers["last command reported"] == "open"
     states = readout.screen.table().state.tolist()
     assert states[:5] == ["closed", "closed", "open", "closed", "part open"]
 
@@ -136,7 +136,7 @@ def test_the_explorer_moves_the_valves_of_its_own_server_and_closes_it(monkeypat
     assert box.figure.value != picture
     buttons["open"].click()
     assert device.plant.running.tolist() == [False, False, True] + [False] * 13
-    assert "last command: valve 3: open" in box.text
+    assert "sent from here: valve 3: open" in box.text
     assert "valve 3: moving" in box.text
     now[0] = 3.0
     buttons["read again"].click()
@@ -185,6 +185,25 @@ def test_a_refusal_colours_its_valve_only_until_that_obeys():
         buttons["open"].click()
         look(2)
         assert colours == [False, True, False, True, False]
+    finally:
+        box.close()
+
+
+def test_the_answer_to_a_command_is_shown_with_its_own_valve_only():
+    box = ValveClient().explore()
+    try:
+        box.controls["valve"].value = 3
+        box.buttons["open"].click()
+        assert "sent from here: valve 3: open" in box.text
+        assert "last command reported: open" in box.text
+        box.controls["valve"].value = 7
+        assert "sent from here" not in box.text and "last command reported: none" in box.text
+        box.controls["valve"].value = 3
+        assert "sent from here: valve 3: open" in box.text
+        with serve(8, speed=0) as other:
+            box.controls["port"].value = other.port
+            box.controls["address"].value = "127.0.0.1"
+            assert "valve 3: closed" in box.text and "sent from here" not in box.text
     finally:
         box.close()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,60 +11,46 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.lazy import pd
 from shipnet.papers.chung1998.link import as_printed
-from shipnet.papers.chung1998.ring import SIZE, given_up, overrun_rings
+from shipnet.papers.chung1998.ring import SIZE, given_up
 from shipnet.papers.plot import diagrams, fields
 from shipnet.papers.registry import drawing
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.ring_buffer import Ring
-from shipnet.remote_control.simulation import simulate
-
-if TYPE_CHECKING:
-    from shipnet.remote_control.simulation import Run
-
-#: Numbers and values of the data items in the packet that is drawn.
-_ITEMS = {0: 1, 3: 120, 4: 0x1234}
+from shipnet.remote_control.simulation import Run, simulate
 
 # The stations follow the text of section 2, the flow charts that of sections 4 to 4.3.
 diagrams("chung1998", "Fig 1", "Fig 5", "Fig 6", "Fig 7", "Fig 8(a)", "Fig 8(b)")
-
-
-@drawing("chung1998", "Fig 2")
-def _turns(*, processing: float = 10e-3, until: float = 0.4, ax: Axes) -> Axes:
-    """Draw the packets of some cycles, each followed by an assumed processing time [s]."""
-    return simulate(as_printed(processing=processing), until=until).plot(ax=ax)
-
-
-@drawing("chung1998", "Fig 3", figsize=(4, 3.6))
-def _ring(*, unread: int = 6, get_no: int = 14, size: int = 16, ax: Axes) -> Axes:
-    """Draw a ring with unread bytes, the first of them at `get_no`."""
-    return Ring.filled(unread, get_no, size=size).plot(ax=ax)
+# We assume that each packet takes 10 ms to process.
+drawing("chung1998", "Fig 2")(
+    lambda *, ax: simulate(as_printed(processing=10e-3), until=0.4).plot(ax=ax)
+)
+drawing("chung1998", "Fig 3", figsize=(4, 3.6))(
+    lambda *, ax: Ring.filled(6, get_no=14, size=16).plot(ax=ax)
+)
 
 
 @drawing("chung1998", "Fig 4")
-def _packets(*, items: Mapping[int, int] = _ITEMS, ax: Axes) -> Axes:
+def _packets(*, items: Mapping[int, int] | None = None, ax: Axes) -> Axes:
     """Draw the bytes of the same data in the three readings of the packet."""
+    sent = items or {0: 1, 3: 120, 4: 0x1234}
+    flag, item = ["flag"], ["number", "low", "high"]
+    a, b = (MarkerFormat(reading).encode(sent) for reading in ("A", "B"))
+    c = b"".join(MarkerFormat("A").encode({number: sent[number]}) for number in sent)
     rows = {
-        "reading A": [MarkerFormat("A").encode(items)],
-        "reading B": [MarkerFormat("B").encode(items)],
-        "reading C": [MarkerFormat("A").encode({number: value}) for number, value in items.items()],
+        "reading A": (a, flag + flag + len(sent) * item + flag),
+        "reading B": (b, flag + len(sent) * (flag + item) + flag),
+        "reading C": (c, len(sent) * (flag + flag + item + flag)),
     }
     kinds = {"flag": "control", "number": "address", "low": "information", "high": "parity"}
-    drawn = {}
-    for reading, packets in rows.items():
-        drawn[reading] = [
-            (f"{byte:02X}", kinds[kind], kind, 1)
-            for packet in packets
-            for byte, kind in zip(packet, _kinds(reading, len(packet)), strict=True)
-        ]
-    return fields(ax, drawn)
-
-
-def _kinds(reading: str, size: int) -> list[str]:
-    """Return the meaning of each byte of a packet."""
-    item = ["number", "low", "high"]
-    if reading == "reading B":
-        return ["flag", *(["flag", *item] * ((size - 2) // 4)), "flag"]
-    return ["flag", "flag", *(item * ((size - 3) // 3)), "flag"]
+    return fields(
+        ax,
+        {
+            reading: [
+                (f"{byte:02X}", kinds[word], word, 1) for byte, word in zip(*row, strict=True)
+            ]
+            for reading, row in rows.items()
+        },
+    )
 
 
 def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:
@@ -92,9 +78,7 @@ def plot_switch(runs: Mapping[str, Run], number: int, *, ax: Axes) -> Axes:
         times = [*points["time_s"], first.until]
         values = points["value"].tolist()
         low = 1.5 * (len(rows) - 1 - row)
-        ax.plot(
-            times, low + np.array([*values, values[-1]]), drawstyle="steps-post", color=f"C{row}"
-        )
+        ax.step(times, low + np.array([*values, values[-1]]), where="post", color=f"C{row}")
     ax.set_yticks([1.5 * (len(rows) - 1 - row) + 0.5 for row in range(len(rows))], list(rows))
     ax.set(xlabel="time [s]", xlim=(0, first.until))
     ax.grid(visible=False, axis="y")
@@ -105,18 +89,12 @@ def plot_switch(runs: Mapping[str, Run], number: int, *, ax: Axes) -> Axes:
 def _given_up(*, ax: Axes, items: int = 10) -> Axes:
     """Draw how many bytes the repair of Fig 9 discards, against the writer's place."""
     places = np.arange(SIZE)
-    alone = given_up()
-    band = np.reshape(given_up(overrun_rings(items)), (SIZE, -1))
-    ax.fill_between(
-        places,
-        band.min(axis=1),
-        band.max(axis=1),
-        color="#f5c56b",
-        alpha=0.6,
-        label="with the search for 0xCC",
-    )
+    lost = np.reshape(given_up(items), (SIZE, -1))
+    band: Any = {"color": "#f5c56b", "alpha": 0.6, "label": "with the search for 0xCC"}
+    ax.fill_between(places, lost.min(axis=1), lost.max(axis=1), **band)
     ax.plot(places, SIZE // 2 - places % (SIZE // 2), color="C0", label="half ring, closed form")
-    ax.plot(places[::4], alone[::4], "o", markersize=3, color="C0", label="half ring, simulated")
+    simulated: Any = {"markersize": 3, "color": "C0", "label": "half ring, simulated"}
+    ax.plot(places[::4], given_up()[::4], "o", **simulated)
     ax.axhline(0, color="C2", label="corrected ring")
     ax.set(xlabel="no [index]", ylabel="discarded bytes [byte]", xlim=(0, SIZE - 1))
     ax.set_xticks([0, 32, 64, 96, 127])
@@ -128,33 +106,15 @@ def plot_recovered(table: pd.DataFrame, *, ax: Axes) -> Axes:
     """Draw how many packets are found in a ring after a pause in reading."""
     waiting = table["waiting"]
     ax.plot(waiting, table["sent"], color="0.6", linewidth=1, label="packets received")
-    for name, colour in (("corrected", "C2"), ("intended", "C0")):
-        ax.plot(
-            waiting,
-            table[name],
-            drawstyle="steps-post",
-            color=colour,
-            label=f"{name} ring" + ", mean" * (name == "intended"),
-        )
-    ax.fill_between(
-        waiting,
-        table["fewest"],
-        table["most"],
-        color="C0",
-        alpha=0.15,
-        label="range over the places",
-        step="post",
-    )
-    for full, text in ((SIZE, "ring full"), (2 * SIZE, "looks empty")):
-        ax.axvline(full, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
-        ax.annotate(
-            text,
-            (full, 1.0),
-            (4, -10),
-            xycoords=("data", "axes fraction"),
-            textcoords="offset points",
-            color=style.LIMIT["color"],
-        )
+    for name, label, colour in (
+        ("corrected", "corrected ring", "C2"),
+        ("intended", "intended ring, mean", "C0"),
+    ):
+        ax.step(waiting, table[name], where="post", color=colour, label=label)
+    band: Any = {"color": "C0", "alpha": 0.15, "label": "range over the places"}
+    ax.fill_between(waiting, table["fewest"], table["most"], step="post", **band)
+    style.moment(ax, SIZE, "ring full")
+    style.moment(ax, 2 * SIZE, "looks empty")
     ax.set(xlabel="bytes received before the reader looks [byte]", ylabel="packets found")
     ax.set_xlim(0, waiting.iloc[-1])
     ax.legend(loc="upper left")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import cache
 from itertools import product
 from typing import Literal
 
 import numpy as np
 
-from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.lazy import pd
 from shipnet.papers.chung1998.link import ITEMS, PRINTED, as_printed, length
@@ -23,9 +23,13 @@ from shipnet.remote_control.system import System
 #: "write cycle time 10 ms maximum". We assume that the paper's chip is similar.
 WRITE_TIME = 10e-3
 
-#: Abnormal states that the paper reports for the three trials of section 5; of the second the
-#: paper says only that it was "also" normal.
-PAPER_EVENTS = (0, 0, 1)
+#: The three trials of section 5: name, presses of Enter, and the abnormal states that the paper
+#: reports; of the second the paper says only that it was "also" normal.
+TRIALS = (
+    ("no parameter change", 0, 0),
+    ("parameter change", 1, 0),
+    ("10 presses of Enter", 10, 1),
+)
 
 #: Bytes stored by one press of the Enter key: we assume a 16-bit integer.
 BYTES_PER_PRESS = 2
@@ -189,28 +193,29 @@ def stored_in(size: int, received: bytes) -> Ring:
     return ring
 
 
-def overrun_rings(items: int) -> Iterator[Ring]:
-    """Return rings in case c, for every place of the writer and every starting byte in a packet."""
-    phases = length(reading="A", items=items)
-    stream = MarkerFormat(n_numbers=items).stream(2 * SIZE + phases)
-    for no in range(SIZE):
-        for phase in range(phases):
-            yield stored_in(SIZE, stream[phase : phase + SIZE + no])
+@cache
+def repaired_rings(items: int = 0) -> list[Ring]:
+    """Return rings in case c after their repair, for every place of the writer.
 
-
-def full_rings(size: int = SIZE) -> Iterator[Ring]:
-    """Return rings in case c that contain only 0xCC, for every place of the writer."""
-    for no in range(size):
-        yield stored_in(size, bytes([PACKET_START]) * (size + no))
-
-
-def given_up(rings: Iterable[Ring] | None = None) -> list[int]:
-    """Return how many stored bytes each repair discards, by default in `full_rings`."""
-    discarded = []
-    for ring in full_rings() if rings is None else rings:
+    They contain packets of this many data items, one ring for each byte at which a packet can
+    begin. Without data items they contain only 0xCC.
+    """
+    phases = length(reading="A", items=items) if items else 1
+    stream = bytes([PACKET_START]) * 2 * SIZE
+    if items:
+        stream = MarkerFormat(n_numbers=items).stream(2 * SIZE + phases)
+    rings = [
+        stored_in(SIZE, stream[phase : phase + SIZE + no])
+        for no, phase in product(range(SIZE), range(phases))
+    ]
+    for ring in rings:
         ring.extract()
-        discarded.append(ring.size - ring.unread)
-    return discarded
+    return rings
+
+
+def given_up(items: int = 0) -> list[int]:
+    """Return how many stored bytes each repair of `repaired_rings` discards."""
+    return [SIZE - ring.unread for ring in repaired_rings(items)]
 
 
 def packets_found(waiting: int, rule: Literal["intended", "corrected"], get_no: int = 0) -> int:
@@ -225,16 +230,12 @@ def packets_found(waiting: int, rule: Literal["intended", "corrected"], get_no: 
     return sum(tuple(packet.items()) in packets for packet in sent)
 
 
-def recovered(
-    waiting: Sequence[int] = range(0, 3 * SIZE + 1, 8), places: Sequence[int] = range(0, SIZE, 8)
-) -> pd.DataFrame:
+def recovered(waiting: Sequence[int] = range(0, 3 * SIZE + 1, 8)) -> pd.DataFrame:
     """Return how many packets the intended and the corrected ring yield after ``waiting`` bytes.
 
-    ``intended`` is the mean over the reader's `places`, ``stops`` the fraction of them in case a.
+    ``intended`` is the mean over places of the reader, ``stops`` the fraction of them in case a.
     """
-    if not len(places):
-        raise ArgumentError("places is empty; it must contain at least one place")
-    size, rows = length(reading="A"), []
+    size, places, rows = length(reading="A"), range(0, SIZE, 8), []
     for n in waiting:
         counts = [packets_found(n, "intended", get_no=place) for place in places]
         stops = [case_of(place, n, SIZE) == "a" for place in places]
@@ -249,10 +250,9 @@ def recovered(
 @check("chung1998-013", counter={"shift": 2})
 def repair_restores_order(*, shift: int = 1) -> bool:
     """Whether each repair ends in case b or d, at the first 0xCC from `SIZE >> shift` or from 0."""
-    for ring in overrun_rings(ITEMS):
-        cells, no = ring.cells, ring.state.no
-        ring.extract()
-        start = cells.find(PACKET_START, SIZE >> shift if no < SIZE >> shift else 0)
+    for ring in repaired_rings(ITEMS):
+        middle = SIZE >> shift
+        start = ring.cells.find(PACKET_START, middle if ring.state.no < middle else 0)
         if ring.state.get_no != start or ring.case not in ("b", "d"):
             return False
     return True
@@ -261,24 +261,17 @@ def repair_restores_order(*, shift: int = 1) -> bool:
 @check("chung1998-057", counter={"toggled": False})
 def toggled_flag_restores_order(*, toggled: bool = True) -> bool:
     """Whether the ring is in case b once the reader has been moved to its start."""
-    for ring in full_rings(SIZE):
-        before = ring.state
-        ring.extract()
-        if before.no >= SIZE >> 1:
-            flag = ring.state.ring_get_f if toggled else before.ring_get_f
-            if ring.state._replace(ring_get_f=flag).case != "b":
-                return False
-    return True
+    return all(
+        state._replace(ring_get_f=state.ring_get_f if toggled else 1 - state.ring_get_f).case == "b"
+        for state in (ring.state for ring in repaired_rings())
+        if state.no >= SIZE >> 1
+    )
 
 
 @check("chung1998-055", counter={"items": 45})
 def repair_keeps_a_part(*, items: int = ITEMS) -> bool:
     """Whether every repair in case c keeps some of the ring's bytes."""
-    for ring in overrun_rings(items):
-        ring.extract()
-        if ring.unread == 0:
-            return False
-    return True
+    return max(given_up(items)) < SIZE
 
 
 @numeric("chung1998-060")
@@ -323,7 +316,7 @@ def larger_ring_is_not_overrun(*, size: int = 2 * SIZE, stall: float = 0.2) -> b
     return stored_in(size, MarkerFormat(n_numbers=ITEMS).stream(came)).case in ("b", "d")
 
 
-def ring_trials(system: System | None = None, *, duration: float = 20.0) -> pd.DataFrame:
+def ring_trials(system: System | None = None) -> pd.DataFrame:
     """Return how often the ring is in an abnormal state in the paper's three trials.
 
     BCS writes its EEPROM after 5 s, in the second trial for one press of the Enter key and in the
@@ -331,17 +324,10 @@ def ring_trials(system: System | None = None, *, duration: float = 20.0) -> pd.D
     """
     link = System(repeat=10) if system is None else system
     rows = []
-    for trial, presses, printed in zip(
-        ("no parameter change", "parameter change", "10 presses of Enter"),
-        (0, 1, 10),
-        PAPER_EVENTS,
-        strict=True,
-    ):
+    for trial, presses, printed in TRIALS:
         stall = presses * BYTES_PER_PRESS * WRITE_TIME
-        if 5 + stall >= duration:
-            raise ArgumentError(f"duration is {duration:g} s; it must exceed {5 + stall:g} s")
         faults = [Stall("BCS", start=5.0, stop=5.0 + stall)] if stall else []
-        run = simulate(link, faults=faults, until=duration)
+        run = simulate(link, faults=faults, until=8.0)
         events = int(run.events()["event"].str.startswith("ring").sum())
         rows.append((trial, stall, events, run.max_unread, len(run.alarms()), printed))
     columns = ["trial", "stall_s", "events", "unread", "alarms", "paper_events"]

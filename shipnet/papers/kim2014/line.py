@@ -21,10 +21,11 @@ from shipnet.ballast.registers import (
 )
 from shipnet.ballast.scan import System, status_poll
 from shipnet.ballast.sensors import CHANNELS
+from shipnet.ballast.simulation import simulate_valves
 from shipnet.ballast.slave import valve_slaves
 from shipnet.lazy import pd
 from shipnet.modbus.electrical import INTERFACES
-from shipnet.modbus.faults import Break, DeadPort
+from shipnet.modbus.faults import Break, DeadPort, DeadSlave
 from shipnet.modbus.frame import MAX_UNIT, rtu_frame
 from shipnet.modbus.pdu import Adu, FunctionCode, Request, Response
 from shipnet.modbus.redundancy import Loop
@@ -38,16 +39,11 @@ from shipnet.papers.registry import check, is_legal, numeric
 
 def switch_table() -> pd.DataFrame:
     """Return the number and a verdict for each of the 400 settings of the switches."""
-    rows = [(n // 100, n // 10 % 10, n % 10, n, _verdict(n)) for n in range(400)]
-    return pd.DataFrame(rows, columns=["pins", "tens", "units", "number", "verdict"])
-
-
-def _verdict(number: int) -> str:
-    if number > 0xFF:
-        return "more than a byte"
-    if number > MAX_UNIT:
-        return "reserved"
-    return "legal" if number else "the broadcast"
+    n = np.arange(400)
+    settings = {"pins": n // 100, "tens": n // 10 % 10, "units": n % 10, "number": n}
+    words = ["more than a byte", "reserved", "legal"]
+    verdict = np.select([n > 0xFF, n > MAX_UNIT, n > 0], words, "the broadcast")
+    return pd.DataFrame({**settings, "verdict": verdict})
 
 
 # Sections 1, 3.2 and 3.3: the valves that one master can address.
@@ -98,6 +94,21 @@ def survives(*, breaks: int = 1, slaves: int = 5) -> bool:
     return not any(loop.reach([Break(section) for section in cut]).lost for cut in cuts)
 
 
+@numeric("kim2014-117")
+def gap_after_a_break(*, slaves: int = 5) -> float:
+    """Longest time without data of a slave after one break anywhere in the loop [s]."""
+    loop = Loop(slaves, status_poll())
+    return max(float(loop.worst_gap(Break(place)).max()) for place in range(loop.n_sections))
+
+
+@numeric("kim2014-118")
+def gap_after_a_silence(*, slaves: int = 5) -> float:
+    """Longest time without data of a slave that is silent for four seconds [s]."""
+    plant, silent = Plant(System(slaves, status_poll(9600))), DeadSlave(1, start=1.0, stop=5.0)
+    shown = operate(plant, until=80, faults=[silent]).shown
+    return float(np.diff([status.time for status in shown if status.unit == 1]).max())
+
+
 @check("kim2014-050", counter={"dead": "B"})
 def every_slave_has_two_ways(*, dead: Literal["A", "B", ""] = "", slaves: int = 5) -> bool:
     """Whether both ports of the master reach every slave, each of which has one port."""
@@ -141,14 +152,17 @@ def break_table(
 
     The master moves to the other port either one slave at a time or also all slaves downstream.
     """
-    middle = [Break((n_slaves + 1) // 2)]
-    rows = []
-    for timeout in timeouts:
-        poll = status_poll(timeout=timeout)
-        loops = [Loop(n_slaves, poll, move=move) for move in MOVES]
-        rows.append([float(loop.worst_gap(middle).max()) for loop in loops])
+    middle = Break((n_slaves + 1) // 2)
+    rows = {
+        timeout: [
+            float(Loop(n_slaves, status_poll(timeout=timeout), move=move).worst_gap(middle).max())
+            for move in MOVES
+        ]
+        for timeout in timeouts
+    }
     columns = ["one_by_one_s", "with_downstream_s"]
-    return pd.DataFrame(rows, columns=columns, index=pd.Index(timeouts, name="timeout_s"))
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+    return table.rename_axis("timeout_s")
 
 
 # Master and valve, message by message: a command, and the registers while it is executed.
@@ -162,21 +176,16 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
         COMMAND_REGISTER, registers.command(Code.POSITION_OPEN, position)
     )
     read = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
+    queries = [(0.0, write, f"go to {position} %"), *((t, read, "read the status") for t in times)]
     rows = []
-
-    def exchange(time: float, query: bytes, meant: str) -> bytes:
-        response = bytes(valve.answer(query, time))
-        rows.append((time, "master", rtu_frame(1, query).hex(" "), meant))
-        rows.append((time, "valve", rtu_frame(1, response).hex(" "), "the same"))
-        return response
-
-    exchange(0.0, write.pdu, f"go to {position} %")
-    for time in times:
-        data = exchange(time, read.pdu, "read the status")[2:]
-        words = [int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2)]
-        seen = registers.decode([words]).readings[:, 0]
-        values = [f"{c.name} {x:.3g} {c.unit}" for c, x in zip(CHANNELS, seen, strict=True)]
-        rows[-1] = (*rows[-1][:3], ", ".join(values))
+    for time, query, meant in queries:
+        response, says = bytes(valve.answer(query.pdu, time)), "the same"
+        if query is read:
+            seen = registers.decode([Response.parse(response).registers]).readings[:, 0]
+            values = [f"{c.name} {x:.3g} {c.unit}" for c, x in zip(CHANNELS, seen, strict=True)]
+            says = ", ".join(values)
+        rows.append((time, "master", rtu_frame(1, query.pdu).hex(" "), meant))
+        rows.append((time, "valve", rtu_frame(1, response).hex(" "), says))
     return pd.DataFrame(rows, columns=["time_s", "from", "frame", "says"])
 
 
@@ -213,11 +222,10 @@ def reaches_the_position(
 
 @check("kim2014-072", counter={"leak": 0.5})
 def opens_within_ten_seconds(*, leak: float = 0.0) -> float:
-    """Margin by which a valve opens within 10 s, with a pump leak of this severity."""
-    plant = Plant(1, [Fault("P2", leak)] if leak else [])
-    plant.order(Command("open"))
-    plant.run_until(60.0)
-    return 1 - float(plant.last_run[0]) / 10.0
+    """Margin by which a valve is open after 10 s, with a pump leak of this severity."""
+    faults = [Fault("P2", leak)] if leak else []
+    run = simulate_valves(System(1), [Command("open")], faults, until=60)
+    return 1 - float(run.strokes()["end_s"].max()) / 10.0
 
 
 @check("kim2014-110", counter={"unit": 4})

@@ -30,6 +30,7 @@ _LINE = SerialLine(9600)
 
 diagrams("kim2014", "Fig 2", "Fig 7", "Fig 9", "Fig 10")
 diagrams("kim2014", "Fig 15", arrowstyle="-")
+drawing("kim2014", "Fig 12")(lambda *, ax: seen_strokes([5])[5].plot(ax=ax))
 
 
 @drawing("kim2014", "Fig 1")
@@ -71,40 +72,45 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
 @drawing("kim2014", "Fig 3", "Fig 4")
 def _rtu_frame(*, frame: bytes = _QUERY.rtu(1), serial: SerialLine = _LINE, ax: Axes) -> Axes:
     """Draw the general RTU frame, and a frame field by field below it."""
-    pdu = decode(frame).pdu
-    silence = f"silence\n{serial.t35 / serial.character_time:.3g} char"
-    parts = [
-        ("address", "address", frame[:1]),
-        ("function\ncode", "control", pdu[:1]),
-        ("data", "information", pdu[1:]),
-        ("error check", "parity", frame[-2:]),
-    ]
-    general = [(name, kind, "", len(data)) for name, kind, data in parts]
-    detail = [(name, kind, data.hex(" "), len(data)) for name, kind, data in parts]
+    decode(frame)  # a wrong frame is refused
+    detail = _parts(
+        frame,
+        ("address", "address", 1),
+        ("function\ncode", "control", 2),
+        ("data", "information", -2),
+        ("error check", "parity", len(frame)),
+    )
+    general = [(name, kind, "", size) for name, kind, _, size in detail]
     # A silence has no bytes; the width of two leaves room for its text.
-    pause = (silence, "pause", "", 2)
+    pause = (f"silence\n{serial.t35 / serial.character_time:.3g} char", "pause", "", 2)
     return fields(ax, {"Fig 3": general, "Fig 4": [pause, *detail, pause]})
+
+
+def _parts(frame: bytes, *parts: tuple[str, str, int]) -> list[tuple[str, str, str, int]]:
+    """Return name, colour, bytes and size of the parts of a frame, each given with its end."""
+    begins = [0, *(end for *_, end in parts)]
+    data = [frame[begin:end] for begin, (*_, end) in zip(begins, parts, strict=False)]
+    return [
+        (name, kind, part.hex(" "), len(part))
+        for (name, kind, _), part in zip(parts, data, strict=True)
+    ]
 
 
 @drawing("kim2014", "Fig 5", "Fig 6")
 def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
     """Draw a Modbus TCP frame: header and PDU above, and the individual fields below."""
-    pdu = decode(frame, "tcp").pdu
-    general = [
-        ("MBAP header", "address", frame[:7].hex(" "), 7),
-        ("PDU", "information", pdu.hex(" "), len(pdu)),
-    ]
-    detail = [
-        (name, kind, frame[first:last].hex(" "), last - first)
-        for name, first, last, kind in (
-            ("transaction\nid", 0, 2, "address"),
-            ("protocol\nid", 2, 4, "address"),
-            ("length", 4, 6, "address"),
-            ("unit\nid", 6, 7, "address"),
-            ("function\ncode", 7, 8, "control"),
-            ("data", 8, len(frame), "information"),
-        )
-    ]
+    decode(frame, "tcp")  # a wrong frame is refused
+    size = len(frame)
+    general = _parts(frame, ("MBAP header", "address", 7), ("PDU", "information", size))
+    detail = _parts(
+        frame,
+        ("transaction\nid", "address", 2),
+        ("protocol\nid", "address", 4),
+        ("length", "address", 6),
+        ("unit\nid", "address", 7),
+        ("function\ncode", "control", 8),
+        ("data", "information", size),
+    )
     return fields(ax, {"Fig 5": general, "Fig 6": detail})
 
 
@@ -116,12 +122,6 @@ def _screen(*, time: float = 7.2, ax: Axes) -> Axes:
         Plant(System(64, status_poll(9600)), [Fault("V1", valves=6)], 2024), plan, until=20
     )
     return seen.screen(time).plot(6, ax=ax, columns=16)
-
-
-@drawing("kim2014", "Fig 12")
-def _stroke(*, n_valves: int = 5, ax: Axes) -> Axes:
-    """Draw the readings of a stroke as the master of this many valves receives them."""
-    return seen_strokes([n_valves])[n_valves].plot(ax=ax)
 
 
 @drawing("kim2014", "Fig 13")
@@ -152,18 +152,11 @@ _MARKS = ".o^sD"
 
 def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
     """Draw a valve's position, and what masters with different numbers of valves receive of it."""
-    ax.plot(
-        true.time, true.samples["VPos"][:, 0], color="0.6", linewidth=1, label="the valve itself"
-    )
+    ax.plot(true.time, true.samples["VPos"][:, 0], "0.6", lw=1, label="the valve itself")
     for row, (number, run) in enumerate(seen.items()):
-        ax.plot(
-            run.time,
-            run.samples["VPos"][:, 0],
-            _MARKS[row % len(_MARKS)],
-            color=f"C{row}",
-            markersize=4 + 2 * row,
-            label=f"master of {number}",
-        )
+        look: Any = {"marker": _MARKS[row % len(_MARKS)], "ls": "", "markersize": 4 + 2 * row}
+        position = run.samples["VPos"][:, 0]
+        ax.plot(run.time, position, color=f"C{row}", label=f"master of {number}", **look)
     ax.set(xlabel="time [s]", ylabel="position [%]")
     ax.legend(loc="lower right")
     return ax
@@ -174,22 +167,9 @@ def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axe
     for row, (name, picture) in enumerate(pictures.items()):
         time = np.arange(0.0, picture.seen.duration, 0.1)
         oldest = picture.seen.ages(time).max(axis=1)
-        ax.plot(
-            time,
-            np.where(np.isfinite(oldest), oldest, np.nan),
-            color=f"C{row}",
-            label=name,
-            linewidth=5 - 0.8 * row,
-            alpha=0.9,
-        )
-    ax.axvline(start, linewidth=1, **style.LIMIT)  # type: ignore[arg-type]
-    ax.annotate(
-        " the loop breaks",
-        (start, 0.95),
-        xycoords=ax.get_xaxis_transform(),
-        va="top",
-        color=style.LIMIT["color"],
-    )
+        age = np.where(np.isfinite(oldest), oldest, np.nan)
+        ax.plot(time, age, f"C{row}", label=name, linewidth=5 - 0.8 * row, alpha=0.9)
+    style.moment(ax, start, "the loop breaks")
     ax.set(xlabel="time [s]", ylabel="oldest position shown [s]", ylim=(0, None))
     ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
     return ax

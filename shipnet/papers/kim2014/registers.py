@@ -25,9 +25,9 @@ from shipnet.ballast.registers import (
 from shipnet.ballast.scan import READ_STATUS, command_poll, status_poll
 from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.ballast.slave import valve_slaves
-from shipnet.fields import check_choice, check_scalar, check_whole
+from shipnet.fields import check_choice, check_scalar
 from shipnet.lazy import pd
-from shipnet.modbus.frame import MAX_PDU, MAX_UNIT, rtu_frame
+from shipnet.modbus.frame import MAX_PDU, rtu_frame
 from shipnet.modbus.pdu import FunctionCode, Request, Response, decode
 from shipnet.modbus.slave import Slave
 from shipnet.modbus.uart import SerialLine
@@ -40,9 +40,6 @@ _TABLES = {
     "write": datasets.read("kim2014_table2_write_register.csv"),
     "read": datasets.read("kim2014_table3_read_registers.csv"),
 }
-
-#: Table 2: the command codes and the status bits.
-_BITS = datasets.read("kim2014_table2_write_register_bits.csv")
 
 #: Printed texts of fields that contain no number; the fields are 0 here.
 _ZERO = ("0.0.0.0", "Position 0-100%", "see bits")
@@ -165,28 +162,20 @@ def length_field(*, messages: tuple[str, ...]) -> int:
     return length
 
 
-@numeric("kim2014-020")
-def response_length_field(*, registers: int = N_REGISTERS) -> int:
-    """Length field of a response with this many registers."""
-    return 1 + len(_answer(registers).pdu)
+@numeric("kim2014-020", of="length field")
+@numeric("kim2014-054", of="byte count")
+@numeric("kim2014-080", of="RTU frame")
+def read_response(*, of: str, registers: int = N_REGISTERS) -> int:
+    """Length field, byte count, or bytes of the RTU frame of a response with these registers."""
+    pdu = _answer(registers).pdu
+    sizes = {"length field": 1 + len(pdu), "byte count": pdu[1]}
+    return {**sizes, "RTU frame": len(rtu_frame(1, pdu))}[of]
 
 
 @numeric("kim2014-053")
 def quantity(*, first: int = 0x4020, last: int = 0x4023) -> int:
     """Number of registers in a query for `first` to `last`."""
     return Request(_READ, first, last - first + 1).quantity
-
-
-@numeric("kim2014-054")
-def byte_count(*, registers: int = N_REGISTERS) -> int:
-    """Byte count of a response with this many registers."""
-    return _answer(registers).pdu[1]
-
-
-@numeric("kim2014-080")
-def response_bytes(*, registers: int = N_REGISTERS) -> int:
-    """Bytes of an RTU response with this many registers."""
-    return len(rtu_frame(1, _answer(registers).pdu))
 
 
 @check("kim2014-049", counter={"codes": (1, 2, 3, 7)})
@@ -240,33 +229,26 @@ def registers_in_order(
 # The response to a command: at once or, as the paper prints, when the valve has arrived.
 
 
-def answer_table(
-    serial: SerialLine, n_slaves: int, movement: float, *, timeout: float = 1.0, retries: int = 0
-) -> pd.DataFrame:
+def answer_table(serial: SerialLine, n_slaves: int, movement: float) -> pd.DataFrame:
     """Compare a response at the start of a movement with one at its end.
 
     The third row has the shortest time-out that is sufficient for a response at the end.
     """
     moving = check_scalar("movement", movement, "s", 0, 3600)
-    scan = status_poll(serial).scan_time(check_whole("n_slaves", n_slaves, 1, MAX_UNIT))
-    write = replace(command_poll(status_poll(serial, timeout=timeout)), retries=retries)
+    scan = status_poll(serial).scan_time(n_slaves)
+    write = command_poll(status_poll(serial))
     patient = replace(write, timeout=3600.0, processing=moving).shortest_timeout
-    rows: list[tuple[object, ...]] = [
-        (timeout, write.time, 1, True, scan + write.time, ceil(moving / scan))
-    ]
-    for wait in (timeout, patient):
-        write = replace(write, timeout=wait)
-        # Time from the end of the first request to the end of the response, and number of tries.
-        late = write.shortest_timeout + moving
-        tries = 1 + max(ceil((late - wait) / write.unanswered_time), 0)
-        answered = tries <= retries + 1
-        # The response ends the last wait before its time-out.
-        cost = write.time + moving if answered else write.timeout_time
-        polls = max(ceil((moving - cost) / scan), 0)
-        rows.append((wait, cost, min(tries, retries + 1), answered, scan + cost, polls))
-    columns = ["timeout_s", "write_s", "tries", "answered", "scan_gap_s", "polls_while_moving"]
-    cases = ["at the start", "at the end", "at the end, waited for"]
-    return pd.DataFrame(rows, columns=columns, index=pd.Index(cases, name="answer"))
+    rows = {
+        "at the start": (write.timeout, write.time, True, scan + write.time, ceil(moving / scan))
+    }
+    for case, wait in (("at the end", write.timeout), ("at the end, waited for", patient)):
+        answered = wait >= patient
+        # The response ends the wait before its time-out.
+        cost = write.time + moving if answered else replace(write, timeout=wait).timeout_time
+        rows[case] = (wait, cost, answered, scan + cost, max(ceil((moving - cost) / scan), 0))
+    columns = ["timeout_s", "write_s", "answered", "scan_gap_s", "polls_while_moving"]
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+    return table.rename_axis("answer")
 
 
 # Tables 2 and 3, section 3.2: registers of a valve, its command codes, its converter.
@@ -293,24 +275,29 @@ def position_fits(*, highest: float = 100.0) -> bool:
     return not RegisterMap().encode(readings, close=False, open=True).saturated[:, _VPOS].any()
 
 
-@check("kim2014-055", counter={"table": "table 3"})
-def echo_has_the_printed_bits(*, table: str = "table 2") -> bool:
-    """Whether a valve echoes each command, and the echo sets the bit that Table 2 prints for it."""
+@check("kim2014-055", counter={"delay": 20.0})
+def echo_means_completion(*, delay: float = 0.0) -> bool:
+    """Whether a valve echoes the command to open, and stands still after this time [s]."""
+    plant = Plant()
+    (valve,) = valve_slaves(plant).values()
+    command = Request.write_single_register(COMMAND_REGISTER, RegisterMap().command(Code.OPEN))
+    echo = valve.answer(command.pdu)
+    plant.run_until(delay)
+    return echo == command.pdu and not plant.running[0]
+
+
+@numeric("kim2014-116")
+def command_address() -> int:
+    """Lowest register address at which a valve accepts the command to open."""
     (valve,) = valve_slaves(Plant()).values()
-    shift = {"table 2": 0, "table 3": 2}[table]
-    named = _BITS[(_BITS["message"] == "response") & (_BITS["name_printed"] != "")]
-    for name, printed in zip(named["name_printed"], named["bit_printed"], strict=True):
-        value = RegisterMap().command(Code(name))
-        request = Request.write_single_register(COMMAND_REGISTER, value)
-        bit = int(printed.removeprefix("Bit")) + shift
-        if valve.answer(request.pdu) != request.pdu or value != 1 << bit:
-            return False
-    return True
+    value = RegisterMap().command(Code.OPEN)
+    writes = (Request.write_single_register(address, value).pdu for address in range(1 << 16))
+    return next(address for address, pdu in enumerate(writes) if valve.answer(pdu) == pdu)
 
 
-@check("kim2014-103", counter={"function": 6})
-def invalid_command_gets_exception_1(*, function: int = 5) -> bool:
-    """Whether a valve answers an invalid function code, or a 6 with a wrong value, with code 01."""
+@check("kim2014-103", counter={"function": 5})
+def invalid_command_gets_exception_1(*, function: int = 6) -> bool:
+    """Whether a valve answers an illegal value, or an unknown function code, with code 01."""
     (valve,) = valve_slaves(Plant()).values()
     return valve.answer(bytes([function, 0x40, 0x01, 0x00, 0x03]))[1:] == b"\x01"
 
@@ -375,8 +362,8 @@ def survival_table() -> pd.DataFrame:
                 texts += rule["vpos_corrected_percent"].split(" or ")
             for value in dict.fromkeys(float(text) for text in texts if text):
                 sent, saturated = whole_steps(np.array([value]) / scale.step, HIGHEST)
-                got = float(sent[0]) * scale.step
-                survives = abs(got - value) <= scale.step / 2 + 1e-9
-                rows.append((rule["code"], channel.name, value, got, saturated[0], survives))
+                received = float(sent[0]) * scale.step
+                survives = abs(received - value) <= scale.step / 2 + 1e-9
+                rows.append((rule["code"], channel.name, value, received, saturated[0], survives))
     columns = ["code", "channel", "value", "received", "saturated", "survives"]
     return pd.DataFrame(rows, columns=columns)

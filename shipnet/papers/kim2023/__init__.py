@@ -16,13 +16,5 @@ from shipnet.papers.kim2023.protocol import (
 from shipnet.papers.kim2023.ship import price_table
 from shipnet.papers.kim2023.signals import DAMAGE, undetected
 
-__all__ = [
-    "EXAMPLE_REQUEST",
-    "EXAMPLE_RESPONSE",
-    "beside",
-    "differences",
-    "even_ones",
-    "printed",
-    "table",
-]
-__all__ += ["DAMAGE", "price_table", "undetected"]
+__all__ = ["DAMAGE", "EXAMPLE_REQUEST", "EXAMPLE_RESPONSE", "beside", "differences", "even_ones"]
+__all__ += ["price_table", "printed", "table", "undetected"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,21 +13,24 @@ from shipnet.asi.profile import Profile
 from shipnet.asi.telegram import Request, Response
 from shipnet.asi.timing import Transaction
 from shipnet.asi.topologies import line
-from shipnet.design.iolist import read_iolist
+from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.plant import lines_needed
 from shipnet.papers.kim2023.protocol import EXAMPLE_REQUEST, EXAMPLE_RESPONSE
 from shipnet.papers.kim2023.signals import DAMAGE
 from shipnet.papers.plot import FILL, box, diagrams, panels
 from shipnet.papers.registry import drawing
 
-_VALVES = read_iolist(datasets.path("synthetic_iolist_valves.csv"))
 _RECORD: dict[str, Any] = {"dt": 50e-9, "before": 0, "after": 9.2e-6}
 
 
-drawing("kim2023", "Fig 1", figsize=(8, 4))(partial(_VALVES.plot, "home runs"))
-drawing("kim2023", "Fig 2", figsize=(8, 4))(partial(_VALVES.plot, "AS-i"))
+drawing("kim2023", "Fig 1", figsize=(8, 4))(lambda *, ax: _valves().plot("home runs", ax=ax))
+drawing("kim2023", "Fig 2", figsize=(8, 4))(lambda *, ax: _valves().plot("AS-i", ax=ax))
 drawing("kim2023", "Table 7", figsize=(8, 2.4))(Profile.plot_table)
 diagrams("kim2023", "Fig 10", arrowstyle="-")
+
+
+def _valves() -> IoList:
+    return read_iolist(datasets.path("synthetic_iolist_valves.csv"))
 
 
 @drawing("kim2023", "Fig 3", "Fig 4")

@@ -16,8 +16,8 @@ from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.asi.rules import rule_limits
 from shipnet.asi.segment import Repeater, Supply
-from shipnet.asi.simulation import Run, simulate
-from shipnet.asi.slave import RunningSlave, Slave
+from shipnet.asi.simulation import simulate
+from shipnet.asi.slave import WATCHDOG, RunningSlave, Slave
 from shipnet.asi.telegram import (
     REQUEST_BITS,
     RESPONSE_BITS,
@@ -29,6 +29,7 @@ from shipnet.asi.telegram import (
 )
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Cycle, Transaction, exchanges
 from shipnet.design.plant import Plant, lines_needed
+from shipnet.design.rules import FAST_MS
 from shipnet.fields import check_choice
 from shipnet.line.network import CableRun
 from shipnet.papers.registry import check, is_legal, numeric
@@ -44,39 +45,37 @@ EXAMPLE_REQUEST, EXAMPLE_RESPONSE = str(_EXAMPLES["request"]), str(_EXAMPLES["re
 DATASHEET_FRAMES = tuple(datasets.read("asi_datasheet_frames.csv")["bits"])
 
 
-@numeric("kim2023-026", request=True)
-@numeric("kim2023-027", request=False)
-def telegram_bits(*, request: bool) -> int:
-    """Bits of a request or of a response."""
-    return len((Request.data_exchange(21, 0xE) if request else Response(0x6)).bits)
+@numeric("kim2023-026", "icn2007-011", request=True)
+@numeric("kim2023-027", "icn2007-012", request=False)
+@numeric("icn2007-021", request=True, framed=False)
+@numeric("kim2023-008", "icn2007-022", request=False, framed=False)
+def telegram_bits(*, request: bool, framed: bool = True) -> int:
+    """Bits of a request or of a response, or of the information between its frame."""
+    bits = (Request.data_exchange(21, 0xE) if request else Response(0x6)).bits
+    return len(bits) - (0 if framed else len(frame("")))
 
 
-@numeric("kim2023-008", request=False)
-def word_bits(*, request: bool) -> int:
-    """Bits of a request or of a response without start, parity and end bit."""
-    return telegram_bits(request=request) - len(frame(""))
-
-
-@numeric("kim2023-037", part="address")
-@numeric("kim2023-038", part="data")
+@numeric("kim2023-037", "icn2007-017", part="address")
+@numeric("kim2023-038", "icn2007-041", part="data")
 def example_request(*, part: str, bits: str = EXAMPLE_REQUEST) -> int:
     """Address or data of a request; its parity bit, which is wrong in the example, is ignored."""
     request = Request.parse(frame(bits[1:-2]))
     return {"address": request.address, "data": request.data}[part]
 
 
-@numeric("kim2023-039")
+@numeric("kim2023-039", "icn2007-042")
 def example_answer(*, bits: str = EXAMPLE_RESPONSE) -> int:
     """Data in a response."""
     return Response.parse(bits).data
 
 
+@check("icn2007-043", bits=EXAMPLE_RESPONSE, counter={"bits": "0011011"})
 def even_ones(bits: str, *, end_bit: bool = False) -> bool:
     """Return whether the number of ones in a telegram is even; `end_bit` includes the end bit."""
     return (bits if end_bit else bits[:-1]).count("1") % 2 == 0
 
 
-@check("kim2023-040", counter={"bits": Request.data_exchange(21, 0xE).bits})
+@check("kim2023-040", "icn2007-037", counter={"bits": Request.data_exchange(21, 0xE).bits})
 def example_is_legal(*, bits: str = EXAMPLE_REQUEST) -> bool:
     """Whether a request can be decoded, parity bit included."""
     return is_legal(Request.parse, bits)
@@ -136,9 +135,10 @@ def number_of_calls(*, calls: tuple[Call, ...] = tuple(Call)) -> int:
     return len(calls)
 
 
-def _row_agrees(call: str, columns: list[str]) -> bool:
-    theirs, ours = (cells.loc[call, columns] for cells in (printed("Table 5"), table("Table 5")))
-    return bool((theirs == ours).all())
+@check("kim2023-129", counter={"without": ("WRITE_ID1",)})
+def listed_calls_exist(*, without: tuple[str, ...] = ("ENTER_PROGRAM_MODE",)) -> bool:
+    """Whether the rows of Table 5 are all calls of the data sheets `without` these."""
+    return {*printed("Table 5").index[1:], *without} == {call.name for call in Call}
 
 
 @check("kim2023-046", counter={"address": 0})
@@ -147,20 +147,20 @@ def writes_id1(*, address: int = 21) -> bool:
     return Request.parse(frame(f"1{address:05b}00000")).call is Call.WRITE_ID1
 
 
-@check("kim2023-048", counter={"call": "DATA_EXCHANGE"})
-def information_bits_agree(*, call: str = "WRITE_PARAMETER") -> bool:
-    """Whether Table 5 prints bits I2 to I0 of this call as they are sent."""
-    return _row_agrees(call, ["I2", "I1", "I0"])
+#: The seven control requests to one slave that follow "Write ID code 1", and the cells of all bits
+#: but the select bit.
+_CONTROL = tuple(call.name for call in Call if call.rule.layout(False)[0] == "1")[1:8]
+_CELLS = tuple(str(name) for name in Request.table() if name != "I3")
 
 
-@check("kim2023-122", counter={"calls": (Call.WRITE_ID1,)})
-def control_requests_agree(
-    *,
-    calls: tuple[Call, ...] = tuple(c for c in Call if c.rule.layout(False)[0] == "1")[1:8],
-) -> bool:
-    """Whether Table 5 prints all bits of these calls, except the select bit, as they are sent."""
-    columns = [str(name) for name in Request.table() if name != "I3"]
-    return all(_row_agrees(call.name, columns) for call in calls)
+@check("kim2023-122", calls=_CONTROL, cells=_CELLS, counter={"calls": ("WRITE_ID1",)})
+@check(
+    "kim2023-048", calls=("WRITE_PARAMETER",), cells=_CELLS[-5:-2], counter={"cells": _CELLS[2:7]}
+)
+def cells_agree(*, calls: tuple[str, ...], cells: tuple[str, ...]) -> bool:
+    """Whether Table 5 prints these bits of these calls as they are sent."""
+    theirs, ours = (rows.loc[[*calls], [*cells]] for rows in (printed("Table 5"), table("Table 5")))
+    return bool((theirs == ours).to_numpy().all())
 
 
 @check("kim2023-049", counter={"expected": "01111111010101"})
@@ -170,17 +170,14 @@ def broadcast_bits(*, expected: str = DATASHEET_FRAMES[0]) -> bool:
     return frame("".join(row[1:-2])) == expected
 
 
-@check("kim2023-051", counter={"data": "1", "parameter": "0"})
-def information_bit_4(*, data: str = "0", parameter: str = "1") -> bool:
-    """Whether I4 has these values in a data request and in a parameter request."""
-    bits = table("Table 5").loc[["DATA_EXCHANGE", "WRITE_PARAMETER"], "I4"]
-    return list(bits) == [data, parameter]
+_ASSIGN, _DATA = ("ASSIGN_ADDRESS",), ("DATA_EXCHANGE", "WRITE_PARAMETER")
 
 
-@check("kim2023-086", counter={"call": Call.RESET})
-def address_bits_are_0(*, call: Call = Call.ASSIGN_ADDRESS) -> bool:
-    """Whether the address bits of this call are 00000."""
-    return call.rule.layout(False)[1:6] == "00000"
+@check("kim2023-086", calls=_ASSIGN, cells=_CELLS[2:7], bits="00000", counter={"calls": ("RESET",)})
+@check("kim2023-051", calls=_DATA, cells=("I4",), bits="01", counter={"calls": _DATA[::-1]})
+def are_sent(*, calls: tuple[str, ...], cells: tuple[str, ...], bits: str) -> bool:
+    """Whether these cells of Table 5, as our code sends them, are these bits."""
+    return "".join(table("Table 5").loc[[*calls], [*cells]].to_numpy().ravel()) == bits
 
 
 @check("kim2023-080", counter={"address": 1})
@@ -206,19 +203,14 @@ def table_agrees(*, item: str = "Table 7") -> bool:
 def references_fit(*, shift: int = 0) -> bool:
     """Whether the words with which the text cites each table occur in that table's caption."""
     words = {1: "EMC", 2: "steps", 4: "(detail)", 5: "Slave data map", 6: "I/O configuration"}
-    return all(word in _captions()[f"Table {number + shift}"] for number, word in words.items())
+    items = datasets.read("figures_tables.csv").query("paper == 'kim2023'").set_index("item")
+    return all(word in items["caption"][f"Table {n + shift}"] for n, word in words.items())
 
 
 @check("kim2023-094", counter={"codes": (0xA,)})
 def codes_are_extended(*, codes: tuple[int, ...] = (0xA, 0xB)) -> bool:
     """Whether slaves with these ID codes have extended addresses."""
     return all(Profile(7, code).extended for code in codes)
-
-
-def _captions() -> dict[str, str]:
-    items = datasets.read("figures_tables.csv")
-    items = items[items["paper"] == "kim2023"]
-    return dict(zip(items["item"], items["caption"], strict=True))
 
 
 # Tables 4 to 7, generated by the code that encodes and decodes.
@@ -282,25 +274,20 @@ def beside(item: str) -> pd.DataFrame:
     names = dict(zip(items["item"], items["printed"], strict=True))
     rows = datasets.read(names[check_choice("item", item, names)])
     if item == "Table 5":
-        cells = {row.pop("call"): row for row in rows.to_dict("records")}
-        for cell in differences(item).to_dict("records"):
-            if cell["column"]:
-                cells[cell["row"]][cell["column"]] += f" [{cell['ours']}]"
-            else:
-                ours = table(item).loc[cell["row"]].to_dict()
-                cells[cell["row"]] = {name: f"[{bit}]" for name, bit in ours.items()}
-                cells[cell["row"]]["name_printed"] = "[not printed]"
-        rows = pd.DataFrame(cells.values())
+        ours, calls = table(item), rows.set_index("call")["name_printed"]
+        called = calls.reindex(ours.index, fill_value="[not printed]").to_numpy()
+        cells = printed(item).reindex(ours.index, fill_value="")
+        differing = (cells + " [" + ours + "]").apply(lambda column: column.str.strip())
+        rows = cells.where(cells == ours, differing).reset_index(drop=True)
+        rows.insert(0, "name_printed", called)
     elif item in _TABLES:
-        differing = set(differences(item)["row"])
+        differ = set(differences(item)["row"])
         fields = table(item).drop(columns=["field", "length_bit"]).to_dict("index")
         rows["our code"] = [
-            "; ".join(
-                f"{str(name).replace('_', ' ')}: {text}" for name, text in row.items() if text
-            )
+            "; ".join(f"{str(key).replace('_', ' ')}: {text}" for key, text in row.items() if text)
             for row in fields.values()
         ]
-        rows["differs"] = ["yes" if symbol in differing else "" for symbol in fields]
+        rows["differs"] = ["yes" if symbol in differ else "" for symbol in fields]
     rows.columns = [str(name).replace("_", " ") for name in rows.columns]
     return rows.set_index(rows.columns[0])
 
@@ -308,7 +295,8 @@ def beside(item: str) -> pd.DataFrame:
 # Sections 3.3, 3.5 and 3.6: how many slaves, conductors and points.
 
 
-@numeric("kim2023-001", halves=("A", "B"))
+@numeric("icn2007-036", halves=(None,))
+@numeric("kim2023-001", "icn2007-010", halves=("A", "B"))
 def slaves_per_master(*, halves: tuple[Half | None, ...]) -> int:
     """Number of slaves that data requests can address, one per address and half."""
     return sum(
@@ -319,14 +307,19 @@ def slaves_per_master(*, halves: tuple[Half | None, ...]) -> int:
 
 
 # The 300 m example has modules with four digital inputs. For the submarine, one contact per slave
-# gives the printed number of conductors.
+# gives the printed 380 conductors; one per valve, as section 3.5.g counts them, gives more.
 
 
-@numeric("kim2023-002", slaves=62, inputs=4)
-@numeric("kim2023-072", slaves=190, inputs=1)
-def hardwired_conductors(*, slaves: int, inputs: int) -> int:
+@numeric("kim2023-002")
+def hardwired_conductors(*, slaves: int = 62, inputs: int = 4) -> int:
     """Conductors without a bus: two per input contact of each module."""
     return Plant(slaves, inputs).saving.hardwired
+
+
+@numeric("kim2023-072")
+def conductors_of_valves(*, valves: int = 200, wires: int = 2) -> int:
+    """Conductors without a bus if each valve has one contact."""
+    return valves * wires
 
 
 @numeric("kim2023-003", lines=1)
@@ -410,17 +403,27 @@ def codes_tell_apart(*, labels: tuple[str, str] = ("1A", "1B")) -> bool:
     return len(set(answers["response_data"])) == 2
 
 
-@check("kim2023-054", counter={"shortest": 0.1})
-def outputs_are_reset_later(*, shortest: float = 0.05) -> float:
-    """Margin of the silence after which a slave resets its outputs over this time [s]."""
-    run = simulate([Slave("1")], until=0.4, faults=MasterFailure(start=0.1))
+@check("kim2023-054", counter={"watchdog": 0.05})
+def outputs_are_reset_after_50_ms(*, watchdog: float = WATCHDOG) -> float:
+    """Margin within 50 ms of the silence, in whole ms, after which a slave resets its outputs.
+
+    The slave has this watchdog time [s].
+    """
+    slave = Slave("1", watchdog=watchdog)
+    run = simulate([slave], until=0.4, faults=MasterFailure(start=0.1))
     last = run.events().query("call == 'DATA_EXCHANGE' and time_s < 0.1")["time_s"].max()
-    return float((run.watchdogs["time_s"].min() - last) / shortest - 1)
+    return 1 - round(1e3 * float(run.watchdogs["time_s"].min() - last)) / 50
 
 
-def after(label: str, *requests: Request) -> tuple[RunningSlave, int | None]:
-    """Return a slave with four outputs after these requests, 0.1 s apart, and its last answer."""
-    slave, data = RunningSlave(Slave(label, "S-8.F.F", watchdog=1.0)), None
+#: Outputs and parameter of a slave after a reset: austriamicrosystems, AS2702 data sheet, p. 13.
+AFTER_RESET = 0xF, 0xF
+
+
+def after(
+    label: str, *requests: Request, profile: str = "S-8.F.F"
+) -> tuple[RunningSlave, int | None]:
+    """Return a slave after these requests, 0.1 s apart, and its last answer."""
+    slave, data = RunningSlave(Slave(label, profile, watchdog=1.0)), None
     for number, request in enumerate(requests):
         slave.pause()
         response = slave.hear(request.bits, 0.1 * number)
@@ -432,9 +435,17 @@ def after(label: str, *requests: Request) -> tuple[RunningSlave, int | None]:
 def reset_restores_the_initial_state(*, call: Call = Call.RESET) -> bool:
     """Whether this call restores a slave's outputs and parameter, and its address stays."""
     used = [Request(Call.WRITE_PARAMETER, 21, 0x5), Request.data_exchange(21, 0x3)]
-    slaves = [after("21", *requests)[0] for requests in ([], used, [*used, Request(call, 21)])]
-    initial, busy, reset = [(int(one.fields["outputs"]), one.parameter) for one in slaves]
-    return busy != initial and reset == initial and slaves[-1].address == 21
+    slaves = [after("21", *requests)[0] for requests in (used, [*used, Request(call, 21)])]
+    busy, reset = [(int(one.fields["outputs"]), one.parameter) for one in slaves]
+    return busy != AFTER_RESET == reset and slaves[-1].address == 21
+
+
+@check("kim2023-130", counter={"call": Call.WRITE_PARAMETER})
+def data_request_reads_and_controls(*, call: Call = Call.DATA_EXCHANGE) -> bool:
+    """Whether this call returns a slave's inputs, which are off here, and sets its outputs."""
+    requests = [Request(Call.WRITE_PARAMETER, 21, 0x5), Request(call, 21, 0x3)]
+    slave, answer = after("21", *requests, profile="S-7.F.F")
+    return (answer, int(slave.fields["outputs"])) == (0, 0x3)
 
 
 @check("kim2023-120", counter={"assigned": 9})
@@ -479,21 +490,16 @@ def five_slaves() -> list[Slave]:
     return [Slave(f"{address}") for address in ADDRESSES]
 
 
-def gap_after_silence(run: Run, slave: str) -> float:
-    """Return how long the master waits for a missing response [bit]."""
-    rows = run.events()
-    silent = rows.index[(rows["slave"] == slave) & (rows["outcome"] == "SilenceError")]
-    start = rows["time_s"].to_numpy()
-    bit_time = run.transaction.bit_time
-    return float(min(start[silent[:-1] + 1] - start[silent[:-1]])) / bit_time - REQUEST_BITS
-
-
+@check("icn2007-038", repeats=False, counter={"wait": 11.0})
 @check("kim2023-089", repeats=True, counter={"wait": 11.0})
 def goes_on_after(*, repeats: bool, wait: float = 10.0) -> bool:
     """Whether the master waits `wait` bit times for a response and, if `repeats`, tries again."""
     run = simulate(five_slaves(), cycles=20, faults=[DeadSlave("3", start=0.02)])
-    repeated = (run.events().query("slave == '3'")["attempt"] == 1).any()
-    return bool(repeated or not repeats) and round(gap_after_silence(run, "3"), 6) == wait
+    events = run.events()
+    after = events["time_s"].diff().shift(-1)[events["outcome"] == "SilenceError"].min()
+    repeated = (events.query("slave == '3'")["attempt"] == 1).any()
+    waited = float(after) / run.transaction.bit_time - REQUEST_BITS
+    return bool(repeated or not repeats) and round(waited, 6) == wait
 
 
 # Section 3.4: durations of bits, pauses and cycles.
@@ -510,6 +516,7 @@ CHIP_EDGES = tuple(
 )
 
 
+@numeric("icn2007-005", unit=1e-3)
 @numeric("kim2023-020", unit=1e-6)
 @numeric("kim2023-022", unit=2e-6)
 def bit_time(*, unit: float) -> float:
@@ -517,7 +524,7 @@ def bit_time(*, unit: float) -> float:
     return Transaction().bit_time / unit
 
 
-@numeric("kim2023-021")
+@numeric("kim2023-021", "icn2007-006")
 def bit_rate() -> float:
     """Bit rate [kbit/s]."""
     return 1e-3 * Transaction().bits / Transaction().duration
@@ -528,7 +535,7 @@ def master_pause_of_chip(*, edge: float) -> float:
     return edge / BIT_TIME - 1
 
 
-@check("kim2023-028", counter={"edges": (10e-6, 33.5e-6)})
+@check("kim2023-028", "icn2007-014", counter={"edges": (10e-6, 33.5e-6)})
 def master_pause_in_range(*, edges: tuple[float, ...] = CHIP_EDGES) -> float:
     """Margin of a chip's pauses in the legal range; -1 unless the printed limits are legal."""
     if not all(is_legal(Transaction, pause) for pause in (2.0, 10.0)):
@@ -538,14 +545,14 @@ def master_pause_in_range(*, edges: tuple[float, ...] = CHIP_EDGES) -> float:
     return min(min(pauses) / least - 1, 1 - max(pauses) / most)
 
 
-@check("kim2023-102", counter={"edge": CHIP_EDGES[-1]})
+@check("kim2023-102", "icn2007-062", counter={"edge": CHIP_EDGES[-1]})
 def checking_takes_hardly_any_time(*, edge: float = CHIP_EDGES[1]) -> float:
     """Margin within which a chip's delay exceeds the shortest by 5 % of a transaction."""
     least = MASTER_PAUSE_BITS[0]
     return 1 - (master_pause_of_chip(edge=edge) - least) / (0.05 * Transaction(least, 2).bits)
 
 
-@check("kim2023-030", counter={"longest": 1.5})
+@check("kim2023-030", "icn2007-016", counter={"longest": 1.5})
 def slave_pause_is_short(*, longest: float = 2.0) -> bool:
     """Whether published transactions fit 1.5 to `longest` bit times after a legal master pause."""
     bits = [float(length) * 1e-6 / BIT_TIME for length in PUBLISHED_TRANSACTIONS]
@@ -556,7 +563,7 @@ def slave_pause_is_short(*, longest: float = 2.0) -> bool:
 
 
 @numeric("kim2023-031", master_pause=2, slave_pause=1.5)
-@numeric("kim2023-032", master_pause=3, slave_pause=2)
+@numeric("kim2023-032", "icn2007-030", master_pause=3, slave_pause=2)
 def transaction(*, master_pause: float, slave_pause: float) -> float:
     """Duration of a transaction with these pauses; all are in bit times."""
     return Transaction(master_pause, slave_pause).bits
@@ -594,7 +601,8 @@ def needs_several_cycles(*, bits: int = 5) -> bool:
 
 
 @check("kim2023-090", counter={"loop": 0.1})
-def too_slow_for_loops(*, process: float = 1 / 60, loop: float = 10.0) -> float:
-    """Margin by which 16-bit values suit a `process` but are too slow for a drive's `loop` [Hz]."""
-    fastest = 1 / (SAMPLES * exchanges("S-7.3") * float(Cycle(31).time))
+def too_slow_for_loops(*, process: float = 1 / 60, loop: float = 1e3 / FAST_MS) -> float:
+    """Margin by which 16-bit values suit a `process` but are too slow for a fast `loop` [Hz]."""
+    slave = Slave("1", "S-7.3.D")
+    fastest = 1 / (SAMPLES * Cycle(31).update_time(slave.kind, channels=slave.channels))
     return float(min(fastest / process, loop / fastest) - 1)

@@ -21,7 +21,7 @@ from shipnet.design.comparison import compare
 from shipnet.design.plant import Plant
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
-from shipnet.papers.registry import check, numeric
+from shipnet.papers.registry import check, is_legal, numeric
 
 #: Plants whose wiring is compared; four doors are our example of a small plant.
 PLANTS = {
@@ -71,13 +71,6 @@ def needs_less(
     plant = Plant(modules, contacts=inputs)
     table = wiring(plant if distance is None else replace(plant, distance=distance))[quantity]
     return float(1 - table["AS-i"] / table["hardwired"])
-
-
-@check("kim2023-111", counter={"modules": 1, "inputs": 1})
-def cut_loses_no_more(*, modules: int = 62, inputs: int = 4) -> float:
-    """Points lost by a cut cable if hardwired, divided by those with AS-i, minus 1."""
-    lost = wiring(Plant(modules, contacts=inputs))["lost_by_cable"]
-    return float(lost["hardwired"] / lost["AS-i"] - 1)
 
 
 @check("kim2023-112", counter={"limit": 0.005})
@@ -145,7 +138,7 @@ def length_is_a_physical_limit(*, length: float = 200.0) -> float:
 @check("kim2023-064", counter={"units": 63})
 def units_fit_on_one_line(*, units: int = 10 + 20) -> bool:
     """Whether one line has room for this many slaves and meets every rule."""
-    return units <= 62 and line(100, slaves=units, supply=50).check().ok is True
+    return is_legal(line, 100, units) and line(100, units, supply=50).check().ok is True
 
 
 @check("kim2023-093", counter={"masters": 3})

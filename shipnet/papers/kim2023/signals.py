@@ -26,7 +26,7 @@ from shipnet.papers.registry import check, numeric
 # Section 3.4, Table 3, Figs 3 and 4: levels, pulses and the effect of a slave's position.
 
 
-@check("kim2023-025", counter={"near": 100.0, "far": 5.0})
+@check("kim2023-025", "icn2007-049", counter={"near": 100.0, "far": 5.0})
 def louder_far_from_supply(*, near: float = 5.0, far: float = 100.0) -> float:
     """Fraction by which a slave at `far` is louder at the master than one at `near`."""
     u = line(100, slaves=(near, far)).waveform(Response(0x6)).u
@@ -34,7 +34,7 @@ def louder_far_from_supply(*, near: float = 5.0, far: float = 100.0) -> float:
     return float(larger / smaller - 1)
 
 
-@check("kim2023-077", counter={"supply": 60.0})
+@check("kim2023-077", "icn2007-050", counter={"supply": 60.0})
 def above_supply(*, slave: float = 30.0, supply: float = 30.0) -> float:
     """Fraction by which the voltage at a slave that sends on a 30 V line exceeds `supply`."""
     position = 100.0
@@ -48,14 +48,14 @@ def zero_is_1_0(*, zero: tuple[int, int] = (1, 0)) -> bool:
     return tuple(Modulation("0").levels) == zero and tuple(Modulation("1").levels) == zero[::-1]
 
 
-@check("kim2023-088", counter={"sign": 1})
+@check("kim2023-088", "icn2007-009", counter={"sign": 1})
 def first_pulse(*, sign: int = -1) -> bool:
     """Whether the first pulse of every response has this sign and belongs to the start bit."""
     trains = Modulation(RESPONSES).pulses.signs
     return bool((trains[:, 0] == 0).all() and (trains[:, 1] == sign).all())
 
 
-@check("kim2023-099", counter={"sign": 1})
+@check("kim2023-099", "icn2007-008", counter={"sign": 1})
 def rising_current(*, sign: int = -1) -> bool:
     """Whether the voltage on the line has this sign while the current begins to rise."""
     wave = line(100, slaves=(5,)).waveform(Response(0x6), dt=50e-9)
@@ -64,7 +64,7 @@ def rising_current(*, sign: int = -1) -> bool:
     return bool(slope[first] > 0 and np.sign(wave.u[0, first]) == sign)
 
 
-@check("kim2023-104", counter={"slots": "between bits"})
+@check("kim2023-104", "icn2007-064", counter={"slots": "between bits"})
 def phase_turns_with_the_bit(*, slots: str = "within bits") -> bool:
     """Whether the steps within bits, or between them, change sign exactly where the bit changes."""
     bits = "0011010001110"
@@ -134,7 +134,7 @@ def copes_with_overshoot(*, overshoot: float = 0.3) -> float:
     return largest_tolerated(heights) / overshoot - 1
 
 
-@check("kim2023-098", counter={"length": 200.0})
+@check("kim2023-098", "icn2007-047", counter={"length": 200.0})
 def copes_with_open_end(*, length: float = 100.0) -> float:
     """Margin within which all responses along an unterminated cable are within both tolerances."""
     quality = line(length, slaves=(0.05 * length, 0.5 * length, length)).quality()
@@ -142,7 +142,7 @@ def copes_with_open_end(*, length: float = 100.0) -> float:
     return float(min(even, 1 - quality.ringing.max() / TOLERANCE.ringing))
 
 
-@check("kim2023-121", counter={"length": 300.0})
+@check("kim2023-121", "icn2007-066", counter={"length": 300.0})
 def receiver_returns_the_bits(*, length: float = 100.0) -> bool:
     """Whether all responses, and a request to each slave, are read back after this cable [m]."""
     plan = line(length, slaves=(5, length))
@@ -151,7 +151,7 @@ def receiver_returns_the_bits(*, length: float = 100.0) -> bool:
     return all(bool((wave.receive().bits == wave.bits).all()) for wave in waves)
 
 
-@check("kim2023-095", counter={"part": "inductor"})
+@check("kim2023-095", "icn2007-053", counter={"part": "inductor"})
 def works_without(*, part: str = "conductor") -> bool:
     """Whether the master can read a slave that lacks its inductor or its conductor."""
     plan = line(100)
@@ -166,8 +166,8 @@ def works_without(*, part: str = "conductor") -> bool:
 # Section 3.4: the cost of error detection by check bits, and the errors that AS-i detects.
 
 
-@numeric("kim2023-057", bits=1 + 5 + 5)
-@numeric("kim2023-058", bits=4)
+@numeric("kim2023-057", "icn2007-023", bits=1 + 5 + 5)
+@numeric("kim2023-058", "icn2007-040", bits=4)
 def check_bits(*, bits: int) -> int:
     """Fewest check bits that give words of this many bits a Hamming distance of 4."""
     r = 2
@@ -182,14 +182,14 @@ def check_bit_cost(*, request: int = 14, response: int = 7, extra: int = 7 + 4) 
     return 100 * extra / (request + response)
 
 
-@check("kim2023-103", counter={"extra": 4})
+@check("kim2023-103", "icn2007-063", counter={"extra": 4})
 def check_bits_cost_rate(*, extra: int = 7 + 4) -> float:
     """Margin by which `extra` check bits per transaction cost over a quarter of the net rate."""
     bits = Transaction(2, 2).bits
     return (1 - bits / (bits + extra)) / 0.25 - 1
 
 
-@check("kim2023-101", counter={"distance": 5})
+@check("kim2023-101", "icn2007-061", counter={"distance": 5})
 def others_have_this_distance(*, distance: int = 4) -> bool:
     """Whether the CRCs of Modbus and CAN give frames at least this Hamming distance."""
     return min(hamming_distance(MODBUS, 6), hamming_distance(CAN, 10)) >= distance
@@ -209,7 +209,7 @@ def hamming_distance(crc: Crc, payload: int) -> int:
     return passed.index(True) + 1 if any(passed) else 5
 
 
-@numeric("kim2023-060")
+@numeric("kim2023-060", "icn2007-024")
 def error_classes(*, faults: int = 3) -> int:
     """Kinds of error that the receiver reports for responses with up to this many wrong slots."""
     sent = np.pad(Modulation(RESPONSES).pulses.signs, ((0, 0), (0, 2)))
@@ -251,6 +251,10 @@ DAMAGE = {
 
 
 @check("kim2023-061", counter={"faults": 4})
-def errors_are_detected(*, faults: int = 1) -> bool:
-    """Whether every response with this many wrong slots is detected as faulty."""
-    return undetected(faults)[0] == 0
+def errors_are_detected(*, faults: int = 3) -> bool:
+    """Whether every response and request with one to this many wrong slots is found faulty."""
+    return not any(
+        undetected(wrong, requests=requests)[0]
+        for wrong in range(1, faults + 1)
+        for requests in (False, True)
+    )

@@ -19,7 +19,6 @@ from shipnet.engine.points import read_points
 from shipnet.engine.simulation import simulate as simulate_engine
 from shipnet.engine.system import RULE, System
 from shipnet.errors import CrcError
-from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.frame import MAX_PDU
 from shipnet.modbus.pdu import ExceptionCode, FunctionCode, Request, Response, decode
 from shipnet.modbus.polling import Poll
@@ -58,20 +57,36 @@ def answer(registers: int) -> Response:
     return Response(_FC03, registers=(0,) * registers)
 
 
-def _serial(rate: float, parity: bool = True) -> SerialLine:
-    return SerialLine(rate, f"8{LINE.character[1] if parity else 'N'}1")
+def whole_poll(rate: float = BIT_RATE) -> Poll:
+    """Return a poll that reads all points from one junction box, one register per point."""
+    return Poll(read(POINTS), SerialLine(rate, LINE.character), timeout=60)
 
 
-@numeric("lee2012-021")
-def bit_time(*, rate: float = BIT_RATE) -> float:
-    """Duration of a bit [us]."""
-    return 1e6 * _serial(rate).character_time / _serial(rate).character_bits
+@numeric("lee2012-021", of="bit")
+@numeric("lee2012-096", of="character")
+@numeric("lee2012-097", of="silence")
+@numeric("lee2012-033", of="request")
+@numeric("lee2012-034", of="response")
+@numeric("lee2012-035", of="poll")
+def duration(*, of: str, rate: float = BIT_RATE) -> float:
+    """Duration of a bit or character [us], or of the other parts or all of `whole_poll` [ms]."""
+    poll = whole_poll(rate)
+    line = poll.line
+    return {
+        "bit": 1e6 * line.character_time / line.character_bits,
+        "character": 1e6 * line.character_time,
+        "silence": 1e3 * line.t35,
+        "request": 1e3 * line.frame_time(poll.request_size),
+        "response": 1e3 * line.frame_time(poll.response_size),
+        "poll": 1e3 * poll.time,
+    }[of]
 
 
 @numeric("lee2012-022")
 def silence(*, bits: int = 8, rate: float = BIT_RATE) -> float:
     """Silence between frames if a character has this many bits [us]."""
-    return 1e6 * _serial(rate).t35 * bits / _serial(rate).character_bits
+    line = SerialLine(rate, LINE.character)
+    return 1e6 * line.t35 * bits / line.character_bits
 
 
 @numeric("lee2012-023")
@@ -80,22 +95,10 @@ def character_bits(*, parity: bool = True, stop_bits: int = 1) -> int:
     return SerialLine(BIT_RATE, f"8{'E' if parity else 'N'}{stop_bits}").character_bits
 
 
-@numeric("lee2012-096")
-def character_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
-    """Duration of a character, with or without parity [us]."""
-    return 1e6 * _serial(rate, parity).character_time
-
-
-@numeric("lee2012-097")
-def silence_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
-    """Silence between frames [ms]."""
-    return 1e3 * _serial(rate, parity).t35
-
-
 @numeric("lee2012-032")
 def silent_characters(*, rate: float = float(SerialLine.SILENCE_LIMIT)) -> float:
     """Silence between frames, in characters."""
-    return _serial(rate).t35 / _serial(rate).character_time
+    return SerialLine(rate).t35 / SerialLine(rate).character_time
 
 
 @check("lee2012-024", counter={"stop_bits": 2})
@@ -112,9 +115,9 @@ def lowest_address(*, broadcast: int = 0) -> int:
 
 
 @numeric("lee2012-025")
-def most_slaves(*, unit_loads: int = INTERFACES["RS-485"].receivers, masters: int = 1) -> int:
-    """Largest number of slaves on a line without repeaters."""
-    return unit_loads - masters
+def highest_address() -> int:
+    """Highest unit id that a slave can have."""
+    return max(unit for unit in range(256) if is_legal(read(1).rtu, unit))
 
 
 @check("lee2012-026", counter={"master": JB1})
@@ -206,29 +209,6 @@ def crc_finds(*, others: tuple[int, ...] = ()) -> bool:
     return not any(is_legal(decode, (value ^ p).to_bytes(len(frame), "little")) for p in patterns)
 
 
-@numeric("lee2012-033")
-def request_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
-    """Duration of the request on the line [ms]."""
-    return 1e3 * _serial(rate, parity).frame_time(len(read(1).rtu(JB1)))
-
-
-@numeric("lee2012-034")
-def response_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
-    """Duration on the line of a response with this many registers [ms]."""
-    return 1e3 * _serial(rate).frame_time(len(answer(registers).rtu(JB1)))
-
-
-def whole_poll(registers: int = POINTS, rate: float = BIT_RATE) -> Poll:
-    """Return a poll that reads all points from one junction box, one register per point."""
-    return Poll(read(registers), _serial(rate), timeout=60)
-
-
-@numeric("lee2012-035")
-def poll_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
-    """Time to read all points with one request [ms]."""
-    return 1e3 * whole_poll(registers, rate).time
-
-
 @numeric("lee2012-036")
 def most_registers(*, longest_pdu: int = MAX_PDU) -> int:
     """Largest number of registers in one response."""
@@ -244,7 +224,7 @@ def drawn_response(*, widths: tuple[int, ...] = _WIDTHS["response"]) -> int:
 @numeric("lee2012-057")
 def time_to_response(*, request: int = 8, response: int = 8, rate: float = BIT_RATE) -> float:
     """Time from a request's start to the end of the response in Fig 4, without processing [us]."""
-    line = _serial(rate)
+    line = SerialLine(rate, LINE.character)
     return 1e6 * (line.frame_time(request) + line.t35 + line.frame_time(response))
 
 
@@ -327,10 +307,11 @@ def can_finds_errors(*, patterns: tuple[int, ...] = ()) -> bool:
     return not any(is_legal(decode_can, bits) for bits in wrong)
 
 
-@numeric("lee2012-109")
-def stuff_bits(*, value: int = 0) -> int:
-    """Number of stuff bits in JB1's first frame if all its data bytes have this value."""
-    return _first_frame(bytes([value]) * 8).stuff_bits
+@numeric("lee2012-109", of="stuff_bits")
+@numeric("lee2012-113", of="crc")
+def part_of_first_frame(*, of: str, value: int = 0) -> int:
+    """Stuff bits or CRC of JB1's first frame if all its data bytes have this value."""
+    return int(getattr(_first_frame(bytes([value]) * 8), of))
 
 
 @check("lee2012-083", counter={"kept": 4})

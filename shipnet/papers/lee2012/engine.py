@@ -12,7 +12,7 @@ import numpy as np
 
 from shipnet import datasets
 from shipnet.engine.inputs import InputCard
-from shipnet.engine.points import CONDITIONS, PointList, read_points
+from shipnet.engine.points import CONDITIONS, PT100, PointList, read_points
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.papers.registry import check, numeric
 
@@ -119,16 +119,11 @@ def listed_points(*, column: str, value: str) -> int:
     return int(TABLE_3.loc[TABLE_3[column] == value, "quantity_points"].sum())
 
 
-@numeric("lee2012-016")
-def all_points(*, double_row: bool = True) -> int:
-    """Number of points."""
-    return len(printed_points(double_row=double_row))
-
-
-@numeric("lee2012-017")
-def analogue_points(*, double_row: bool = True) -> int:
-    """Analogue points."""
-    return sum(point.analogue for point in printed_points(double_row=double_row))
+@numeric("lee2012-016", analogue=False)
+@numeric("lee2012-017", analogue=True)
+def number_of_points(*, analogue: bool, double_row: bool = True) -> int:
+    """Number of points, or of the analogue ones."""
+    return sum(p.analogue or not analogue for p in printed_points(double_row=double_row))
 
 
 @numeric("lee2012-012")
@@ -191,22 +186,18 @@ def enough_inputs(*, condition: str, inputs: int) -> bool:
     return max(sum(point.condition == condition for point in points) for points in boxes) <= inputs
 
 
-@check("lee2012-050", counter={"volts": (0.0, 5.0)})
-def one_resistor_fits(*, volts: tuple[float, float] = (1.0, 5.0)) -> bool:
-    """Whether one resistor converts 4-20 mA into this range [V]."""
-    return bool(np.isclose(volts[0] / 4e-3, volts[1] / 20e-3))
+@check("lee2012-050", counter={"low": 0.0})
+def one_resistor_fits(*, low: float = 1.0, high: float = 5.0) -> bool:
+    """Whether one resistor converts 4-20 mA into `low` to `high` [V]."""
+    return bool(np.isclose(low / 4e-3, high / 20e-3))
 
 
-@check("lee2012-104", "lee2012-089", counter={"share": 0.5})
-def range_fills_the_converter(*, share: float = 1.0) -> bool:
-    """Whether each thermometer gives 0 V at its low end, and the reference at its high end.
-
-    `share` is the part of the range that is used.
-    """
-    points = PointList(p for p in read_points() if p.condition == "RTD")
-    card, low, high = InputCard(points), *np.array([(p.low, p.high) for p in points]).T
-    volts = card.voltage(card.signal([low, low + share * (high - low)]))
-    return bool(np.allclose(volts, [[0.0], [card.reference]]))
+@check("lee2012-104", counter={"stretched": 2.0})
+def thermometers_cover_the_ranges(*, stretched: float = 1.0) -> float:
+    """Margin within which a Pt100 covers all its ranges, each `stretched` by this factor."""
+    points = [p for p in read_points() if p.condition == "RTD"]
+    ends = min(p.low for p in points), max(p.high for p in points)
+    return min(1 - stretched * end / limit for end, limit in zip(ends, PT100, strict=True))
 
 
 @check("lee2012-088", counter={"offset": False})

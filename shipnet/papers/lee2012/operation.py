@@ -42,6 +42,14 @@ def worst_loss(*, double_row: bool = True) -> int:
     return Redundancy(printed_points(double_row=double_row)).worst()
 
 
+@check("lee2012-112", counter={"each": 1})
+def both_are_needed(*, each: int = 2) -> bool:
+    """Whether no failure loses a point only if supplies and processors are both duplicated."""
+    points = read_points()
+    alone = [Redundancy(points, supplies=each).worst(), Redundancy(points, cpus=each).worst()]
+    return min(alone) > Redundancy(points, supplies=each, cpus=each).worst() == 0
+
+
 @check("lee2012-045", counter={"stale_limit": 0.5})
 def marked_after_four_seconds(*, stale_limit: float = 4.0) -> bool:
     """Whether the AMS reports all points of a dead box as marked about 4 s after the box dies."""
@@ -52,10 +60,17 @@ def marked_after_four_seconds(*, stale_limit: float = 4.0) -> bool:
     return len(after) == 18 and bool(after.between(early, late).all())
 
 
-@numeric("lee2012-099")
-def mark_delay() -> float:
-    """Longest time from a box's death to its mark at the AMS [s]."""
-    return System().staleness_flag().after
+@numeric("lee2012-099", of="mark")  # [s]
+@numeric("lee2012-103", of="value")  # [s]
+@numeric("lee2012-110", of="conversion")  # [ms]
+def longest(*, of: str) -> float:
+    """Longest time until a dead box's mark is shown, age of a shown value, or conversion."""
+    system = System()
+    return {
+        "mark": system.staleness_flag().after,
+        "value": float(system.worst_age()["worst_s"].max()),
+        "conversion": 1e3 * max(system.conversion_times.values()),
+    }[of]
 
 
 @check("lee2012-046", counter={"dead": "JB1"})
@@ -90,8 +105,8 @@ def switches_in_time(*, timeout: float | None = None) -> float:
     return 1 - system.switch_over().loss / RULE
 
 
-@check("lee2012-061", counter={"polled": "one"})
-def survives_any_cut(*, polled: Literal["one", "both"] = "both") -> bool:
+@check("lee2012-061", counter={"polled": "both"})
+def survives_any_cut(*, polled: Literal["one", "both"] = "one") -> bool:
     """Whether all points stay reachable if any single CAN or Modbus cable is cut."""
     system = System.corrected(polled=polled)
     breaks = [CanBreak(where, start=10.0) for where in system.segments]
@@ -129,18 +144,6 @@ def interrupts(*, silent_box: bool = True) -> int:
     faults = [DeadBox("JB2", start=10.0)] if silent_box else []
     work = simulate(System(), faults=faults, until=20).timeline(0, 20)
     return len(set(work.loc[work["row"] == "JB1", "task"]) - {"convert", "send"})
-
-
-@numeric("lee2012-110")
-def conversion_time() -> float:
-    """Longest time that a box needs to convert its inputs [ms]."""
-    return 1e3 * max(System().conversion_times.values())
-
-
-@numeric("lee2012-103")
-def worst_age() -> float:
-    """Greatest age of a value in normal operation [s]."""
-    return float(System().worst_age()["worst_s"].max())
 
 
 @check("lee2012-053", counter={"rate": 1000.0})

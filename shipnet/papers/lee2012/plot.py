@@ -25,6 +25,11 @@ _PHASES = {"JB1": 0.0, "JB2": 0.08, "JB3": 0.12}
 
 diagrams("lee2012", "Fig 6")
 diagrams("lee2012", "Fig 7", "Fig 10", arrowstyle="-")
+drawing("lee2012", "Fig 3")(lambda *, ax: System().plot(ax=ax))
+drawing("lee2012", "Fig 5")(
+    lambda *, ax: simulate(System(), until=1.3, phases=_PHASES).plot_timeline(1.0, 1.3, ax)
+)
+drawing("lee2012", "Fig 13")(lambda *, ax: plot_channels(response_scope(), ax=ax))
 
 
 @drawing("lee2012", "Fig 2")
@@ -68,18 +73,6 @@ def _wiring(*, ax: Axes) -> Axes:
     return style.bare(ax, (-0.4, 8.5), (-0.4, top + 0.8))
 
 
-@drawing("lee2012", "Fig 3")
-def _network(*, ax: Axes) -> Axes:
-    """Draw the boxes, both buses and the AMS."""
-    return System().plot(ax=ax)
-
-
-@drawing("lee2012", "Fig 5")
-def _procedure(*, start: float = 1.0, stop: float = 1.3, ax: Axes) -> Axes:
-    """Draw what the boxes and the buses do between two times [s]."""
-    return simulate(System(), until=stop, phases=_PHASES).plot_timeline(start, stop, ax)
-
-
 @drawing("lee2012", "Fig 8", figsize=(8, 5))
 def _converters(*, margin: float = 0.125, ax: Axes) -> Axes:
     """Draw the stages of the three converters, and the voltage that each makes of its signal.
@@ -107,10 +100,10 @@ def _converters(*, margin: float = 0.125, ax: Axes) -> Axes:
 
 
 @drawing("lee2012", "Fig 11")
-def _screen(*, time: float = 13.0, ax: Axes) -> Axes:
-    """Draw the screen of the AMS after JB2 has died at 10 s."""
+def _screen(*, ax: Axes) -> Axes:
+    """Draw the screen of the AMS after JB2 has died."""
     dead = DeadBox("JB2", start=10.0)
-    return simulate(System(), faults=dead, until=20.0, phases=_PHASES).screen(time).plot(ax)
+    return simulate(System(), faults=dead, until=20.0, phases=_PHASES).screen(13.0).plot(ax)
 
 
 @drawing("lee2012", "Fig 12", figsize=(8, 5))
@@ -119,15 +112,8 @@ def _redundancy(*, cut: float = 1.5, ax: Axes) -> Axes:
     scenario, traces = panels(ax, 2)
     diagram("lee2012", "Fig 12", ax=scenario, arrowstyle="-")
     plot_channels(switch_over_scope(System(), cut=cut), ax=traces)
-    traces.axvline(1e3 * cut, **style.LIMIT)  # type: ignore[arg-type]
-    traces.text(1e3 * cut + 10, -0.25, "unplugged", color=style.LIMIT["color"], va="center")
+    style.moment(traces, 1e3 * cut, "unplugged")
     return ax
-
-
-@drawing("lee2012", "Fig 13")
-def _response(*, ax: Axes) -> Axes:
-    """Draw a request and a response of 8 bytes."""
-    return plot_channels(response_scope(), ax=ax)
 
 
 def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *, ax: Axes) -> Axes:
@@ -141,13 +127,8 @@ def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *
         unit = (value - low) / (high - low) if high > low else np.full(value.shape, 0.5)
         ax.plot(at * 1e3, base + unit, drawstyle="steps-post", color=f"C{row}", label=name)
         for text, height in ((low, base), (high, base + 1)):
-            ax.annotate(
-                f"{text:g}",
-                (1.01, height),
-                xycoords=("axes fraction", "data"),
-                va="center",
-                annotation_clip=False,
-            )
+            beside = ax.get_yaxis_transform()
+            ax.text(1.01, height, f"{text:g}", transform=beside, va="center")
         middles.append(base + 0.5)
     ax.set_yticks(middles, labels=list(channels))
     ax.set(xlabel="time [ms]", ylim=(-1.5 * (len(channels) - 1) - 0.25, 1.25))
