@@ -18,7 +18,7 @@ import numpy as np
 from shipnet.arrays import Bools, Floats
 from shipnet.errors import InputError
 from shipnet.signals import plain
-from shipnet.tables import Remark, Sheet
+from shipnet.tables import MOST_CELLS, Remark, Sheet
 
 # Units ------------------------------------------------------------------------------------------
 
@@ -296,6 +296,7 @@ class Cells:
         self.places: dict[str, list[int]] = {}
         self.units: dict[str, str] = {}
         self.unused: list[str] = []
+        self.faulty: set[int] = set()  #: The indices of the entries that have a fault.
         self._faults: list[tuple[int, int, str]] = []
         self._typed = set(sheet.typed)
         rows = self._read_titles()
@@ -315,9 +316,9 @@ class Cells:
         elif beside:
             numbers = tuple(self.rows[row] for row in beside)
             self.remarks.append(Remark("not used: cells beside the table", numbers))
+        row_of = {number: row for row, number in enumerate(self.rows)}
         for number, name in alone:
-            expected = "a value; a ditto mark here has none above it"
-            self.wrong([self.rows.index(number)], name, expected)
+            self.wrong([row_of[number]], name, "a value; a ditto mark here has none above it")
         for name in self.words.units if self.missing else ():
             cells = self[name]
             marked = [row for row, cell in enumerate(cells) if cell.casefold() in self.missing]
@@ -434,6 +435,9 @@ class Cells:
         Remarks are added on rows left out, hidden or struck out, and on cells filled in.
         """
         width = max([len(self.titles), *(len(cells) for _, cells in rows)])
+        if len(rows) * width > MOST_CELLS:
+            area = f"{len(rows)} rows and {width} columns"
+            raise InputError(self.source, f"spans {area}; at most {MOST_CELLS} cells are read")
         for _, cells in rows:
             cells += [""] * (width - len(cells))
         # Few rows contain a mark such as `void`; each distinct cell is compared once.
@@ -574,6 +578,7 @@ class Cells:
         """Record a fault in a row."""
         column = self.places[name][0] if name in self.places else -1
         self._faults.append((row, column, f"row {self.rows[row]}{text}"))
+        self.faulty.add(row)
 
     def wrong(self, rows: Iterable[int], name: str, expected: str) -> None:
         """Record the same fault for the cells of a column in the given rows."""
@@ -602,11 +607,6 @@ class Cells:
                 faults += [f"row {number}: {one.what}" for number in one.rows]
         if faults:
             raise InputError(self.source, *faults)
-
-    @property
-    def faulty(self) -> frozenset[int]:
-        """The indices of the entries that have a fault."""
-        return frozenset(row for row, _, _ in self._faults if row >= 0)
 
     @property
     def shown(self) -> tuple[str, ...]:

@@ -21,12 +21,13 @@ from numbers import Number
 from operator import itemgetter
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import IO, Any, cast
 from xml.etree import ElementTree
 from zipfile import ZipFile
 
 from shipnet.errors import ArgumentError, InputError, listed, load_extra
-from shipnet.files import LONGEST, read_bytes
+from shipnet.files import LARGEST_TABLE, LONGEST, read_bytes
 from shipnet.lazy import pd
 
 #: A number; its decimal separator, if any, is a point.
@@ -38,12 +39,17 @@ ERRORS = ("#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
 #: Largest unpacked workbook [bytes].
 _UNPACKED = 2**28
 
-#: What any workbook may have, and what it may have more per byte of the file: bytes and XML tags
-#: when it is unpacked, and cells of a sheet. Otherwise a tiny file could have any number of them.
-_BYTES, _TAGS, _GAPS = (2**24, 24), (2**20, 1.5), (2**18, 0.25)
+#: What any workbook may have, and what it may have more per byte of the file: bytes and XML
+#: elements when it is unpacked. Otherwise a tiny file could have any number of them.
+_BYTES, _ELEMENTS = (2**24, 24), (2**17, 0.5)
 
-#: Maximum numbers of cells in a sheet, including gaps, of its rows, and of filled columns.
-_CELLS, _ROWS, _COLUMNS = 2**22, 2**20, 1024
+#: Elements of rows, cells and texts, and maximum number of others, which openpyxl reads slowly.
+_OF_CELLS = re.compile(rb"<(?:\w{1,9}:)?(?:row|c|v|f|is|si|t|r|rPr|rPh|phoneticPr)[\s/>]")
+_OTHERS = 2**16
+
+#: Maximum numbers of cells in a table, including gaps, of its filled rows and columns, and of the
+#: sheets of a workbook; and the last row of any sheet.
+MOST_CELLS, _ROWS, _COLUMNS, _SHEETS, _LAST = 2**22, 2**16, 1024, 256, 2**20
 
 #: Characters that a row of empty cells may contain.
 _BLANK = ' ,;\t"\r\n'
@@ -212,18 +218,21 @@ def parse_sheet(
     if not worth:
         empty = not text.strip(_BLANK)
         raise InputError(source, f"{'is empty; expected a' if empty else 'has no'} row of {what}")
-    # A row has several lines if a cell contains line breaks.
-    first = [list(map(cell_text, r)) for r in csv.reader(lines[:above], delimiter=separator)]
-    rows, number = [], len(first)
+    usual = csv.field_size_limit(len(text) + 1)  # a longer cell is refused below, with its place
     try:
+        # A row has several lines if a cell contains line breaks.
+        first = [list(map(cell_text, r)) for r in csv.reader(lines[:above], delimiter=separator)]
+        rows, number = list[tuple[int, list[str]]](), len(first)
         reader = csv.reader(lines[above:], delimiter=separator, strict=True)
         for number, row in enumerate(reader, len(first) + 1):
             cells = list(map(cell_text, row))
             if any(cells):
-                _check_cells(source, number, cells)
+                _check_row(source, len(rows), number, cells)
                 rows.append((number, cells))
     except csv.Error as error:
         raise InputError(source, f"is not a CSV file: {error}, in row {number + 1}") from None
+    finally:
+        csv.field_size_limit(usual)
     (top, titles), *rows = rows
     filled = [(number, cells) for number, cells in enumerate(first, 1) if any(cells)]
     return Sheet(source, top, _trim(titles), rows, separator, above=filled)
@@ -248,8 +257,13 @@ def _top(
     return best
 
 
-def _check_cells(source: str, number: int, cells: list[str]) -> None:
-    """Remove empty cells at the end of a wide row; raise if one is too far right, or too long."""
+def _check_row(source: str, before: int, number: int, cells: list[str]) -> None:
+    """Raise if a filled row, with a number of others before it, is too far down, wide or long.
+
+    Empty cells at the end of a wide row are removed.
+    """
+    if before > _ROWS:
+        raise InputError(source, f"row {number}: at most {_ROWS} filled rows are read")
     while len(cells) > _COLUMNS and not cells[-1]:
         del cells[-1]
     if len(cells) > _COLUMNS:
@@ -321,15 +335,15 @@ def _workbook(
             if not worth:
                 raise InputError(source, f"has no row of {what}, on the sheet {name}")
             return _table(source, book, name, top).also_read([])
-        shown = [title for title in book.sheets if title not in book.hidden]
+        shown = [title for title in book.sheets if title not in book.hidden_sheets]
         worths = {title: _best_row(book, title, is_titles) for title in shown}
         chosen = max(worths, key=lambda title: worths[title][0], default="")
         if chosen and worths[chosen][0]:
             others = tuple(title for title in book.sheets if title != chosen)
             table = _table(source, book, chosen, worths[chosen][1])
             return replace(table, unread=others).also_read([])
-        hidden = f"; hidden sheets, which are read only if named: {', '.join(book.hidden)}"
-        where = f"the sheets {', '.join(shown)}{hidden if book.hidden else ''}"
+        hidden = f"; hidden sheets, which are read only if named: {', '.join(book.hidden_sheets)}"
+        where = f"the sheets {', '.join(shown)}{hidden if book.hidden_sheets else ''}"
         raise InputError(source, f"has no row of {what}, on {where}")
 
 
@@ -349,14 +363,9 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
     """Return a sheet of a workbook, given the number of its row of titles."""
     rows, above = list[tuple[int, list[str]]](), list[tuple[int, list[str]]]()
     odd, titles = dict[tuple[int, int], str](), list[str]()
-    merged, hidden, unsaved = book.layout(title)
     for number, cells, own in book.rows(title):
-        for place in unsaved.get(number, ()):
-            cells += [""] * (place + 1 - len(cells))
-            if not cells[place]:
-                cells[place], own[place] = "=", "a formula without a saved value"
         if any(cells):
-            _check_cells(source, number, cells)
+            _check_row(source, len(rows), number, cells)
         if number == top:
             titles = cells
         elif number < top and any(cells):
@@ -364,8 +373,8 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
         elif any(cells):
             rows.append((number, cells))
             odd |= {(number, place): what for place, what in own.items()}
-    numbers, filled, room = [number for number, _ in rows], set(), book.most
-    for upper, bottom, left in merged:
+    numbers, filled, room = [number for number, _ in rows], set(), MOST_CELLS
+    for upper, bottom, left in book.merged:
         # Copy the content of the merged cell to each of its rows.
         first, end = bisect_left(numbers, upper), bisect_right(numbers, bottom)
         if upper <= top or upper not in numbers[first:end] or len(rows[first][1]) <= left:
@@ -373,7 +382,7 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
         for number, cells in rows[first + 1 : end]:
             room -= 1 + max(0, left + 1 - len(cells))
             if room < 0:
-                raise ValueError(f"its merged areas span more than {book.most} cells")
+                raise ValueError(f"its merged areas span more than {MOST_CELLS} cells")
             cells += [""] * (left + 1 - len(cells))
             cells[left] = rows[first][1][left]
             if cells[left]:
@@ -390,7 +399,7 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
         separator="",
         odd=odd,
         sheet=title,
-        hidden=hidden.intersection(numbers),
+        hidden=frozenset(book.hidden.intersection(numbers)),
         struck=frozenset(book.struck),
         typed=frozenset(book.typed),
         merged=frozenset(filled),
@@ -399,50 +408,95 @@ def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
 
 
 class _Workbook:
-    """An open workbook, read by openpyxl row by row."""
+    """An open workbook, whose sheets are read row by row.
 
-    def __init__(self, archive: ZipFile, book: Any, size: int) -> None:
-        self._archive, self._book = archive, book
-        self.most = min(_CELLS, int(_GAPS[0] + _GAPS[1] * size))
-        worksheets = book.worksheets
-        if not worksheets:
-            raise ValueError("it has no sheet with cells")
-        self.sheets = tuple(sheet.title for sheet in worksheets)
-        self.struck: set[tuple[int, int]] = set()
-        self.typed: set[tuple[int, int]] = set()
+    Of the last sheet, `struck` are the cells struck out and `typed` those of text like a number;
+    `hidden` are its hidden rows, and `merged` its merged areas: first row, last row, first column.
+    """
+
+    def __init__(self, archive: ZipFile, reader: Any) -> None:
+        self._archive, self._reader = archive, reader
+        existing = set(archive.namelist())
+        sheets = [
+            (sheet, relation.target)
+            for sheet, relation in reader.parser.find_sheets()
+            if "chartsheet" not in relation.Type and relation.target in existing
+        ]
+        if not 0 < len(sheets) <= _SHEETS:
+            raise ValueError(f"it has {len(sheets)} sheets with cells; expected 1..{_SHEETS}")
+        self._parts = {sheet.name: part for sheet, part in sheets}
+        if len({*self._parts.values()}) < len(sheets):
+            raise ValueError("two of its sheets have the same name or content")
+        self.sheets = tuple(self._parts)
+        self.hidden_sheets = tuple(sheet.name for sheet, _ in sheets if sheet.state != "visible")
+        self.struck, self.typed = set[tuple[int, int]](), set[tuple[int, int]]()
+        self.hidden, self.merged = set[int](), list[tuple[int, int, int]]()
         self._strikes: dict[Any, bool] = {}
-        self.hidden = tuple(s.title for s in worksheets if s.sheet_state != "visible")
 
     def rows(self, title: str) -> Iterator[tuple[int, list[str], dict[int, str]]]:
-        """Yield the number, cells and odd cells of each row of a sheet; skip rows without cells.
+        """Yield the number, cells and odd cells of each row of a sheet; skip rows without cells."""
+        from openpyxl.cell.read_only import ReadOnlyCell
 
-        The cells struck out and those of text like numbers are collected in `struck` and `typed`.
-        """
-        self.struck.clear()
-        self.typed.clear()
-        sheet = self._book[title]
-        sheet.reset_dimensions()  # the size that a sheet states may be wrong
-        total = last = 0
-        for count, cells in enumerate(sheet.iter_rows(), 1):
-            if count > _ROWS:  # openpyxl yields an empty row for each that is missing
-                raise ValueError(f"the sheet {title} has a row beyond {_ROWS}")
-            total += len(cells)
-            if total > self.most:
-                raise ValueError(f"the sheet {title} spans more than {self.most} cells")
-            number = next((cell.row for cell in cells if hasattr(cell, "row")), None)
-            if number is None:
-                continue
+        for collected in (self.struck, self.typed, self.hidden, self.merged):
+            collected.clear()
+        sheet: Any = SimpleNamespace(parent=self._reader.wb)
+        area = length = last = 0
+        for elements, cells in self._cells(title):
+            number, texts = cells[0]["row"], [""] * max(cell["column"] for cell in cells)
+            area += len(texts)
+            if area > MOST_CELLS:
+                raise ValueError(f"the sheet {title} spans more than {MOST_CELLS} cells")
+            # Any number of cells may refer to one shared string.
+            length += sum(len(cell["value"]) for cell in cells if isinstance(cell["value"], str))
+            if length > LARGEST_TABLE:
+                raise ValueError(f"the sheet {title} has more than {LARGEST_TABLE} characters")
+            if number > _LAST:
+                raise ValueError(f"the sheet {title} has a row beyond {_LAST}")
             if number <= last:
                 raise ValueError(f"row {number} follows row {last}")
-            last = number
-            odd: dict[int, str] = {}
-            texts = [_text(cell, place, odd) for place, cell in enumerate(cells)]
-            for place, (cell, text) in enumerate(zip(cells, texts, strict=True)):
+            last, odd = number, dict[int, str]()
+            for element, values in zip(elements, cells, strict=True):
+                place, cell = values["column"] - 1, ReadOnlyCell(sheet, **values)
+                texts[place] = text = _text(cell, place, odd)
                 if text and self._is_struck(cell):
                     self.struck.add((number, place))
                 if isinstance(cell.value, str) and _TYPED.match(text):
                     self.typed.add((number, place))
+                has_formula = not text and any(part.tag.endswith("}f") for part in element)
+                if has_formula and "t" not in element.attrib:
+                    texts[place], odd[place] = "=", "a formula without a saved value"
             yield number, texts, odd
+
+    def _cells(self, title: str) -> Iterator[tuple[list[Any], list[dict[str, Any]]]]:
+        """Yield the elements and the values of the cells of each row that has some."""
+        from openpyxl.worksheet._reader import WorkSheetParser
+        from openpyxl.worksheet.cell_range import CellRange
+
+        book = self._reader.wb
+        with self._archive.open(self._parts[title]) as part:
+            # Only its reading of rows is used: it would read a sheet twice, and much besides rows.
+            parser: Any = WorkSheetParser(
+                part,
+                self._reader.shared_strings,
+                data_only=True,
+                epoch=book.epoch,
+                date_formats=book._date_formats,
+                timedelta_formats=book._timedelta_formats,
+            )
+            for element in _elements(part):
+                tag = element.tag.rpartition("}")[2]
+                if tag == "mergeCell":
+                    area = CellRange(element.attrib["ref"])
+                    self.merged.append((area.min_row, area.max_row, area.min_col - 1))
+                elif tag == "row":
+                    elements, (number, cells) = list(element), parser.parse_row(element)
+                    if element.get("hidden") in ("1", "true"):
+                        self.hidden.add(number)
+                    # A sheet may have a million empty rows with attributes.
+                    element.clear()
+                    parser.row_dimensions.clear()
+                    if cells:
+                        yield elements, cells
 
     def _is_struck(self, cell: Any) -> bool:
         # The font of a cell is slow to look up, and a workbook has few styles.
@@ -451,39 +505,36 @@ class _Workbook:
             self._strikes[style] = bool(cell.font.strike)
         return self._strikes[style]
 
-    def layout(
-        self, title: str
-    ) -> tuple[list[tuple[int, int, int]], frozenset[int], dict[int, list[int]]]:
-        """Return merged areas, hidden rows, and columns of formulas without a saved value by row.
 
-        Merged areas are (first row, last row, first column from 0).
-        """
-        from openpyxl.utils.cell import column_index_from_string, coordinate_from_string
-        from openpyxl.worksheet.cell_range import CellRange
+def _elements(part: IO[bytes]) -> Iterator[Any]:
+    """Yield the elements of a part of a workbook, each when it ends."""
+    # The parser starts again at a tag or comment that is not complete. If it gets 16 kB at a time,
+    # as from ElementTree.iterparse, one of many megabytes takes minutes.
+    parser: Any = ElementTree.XMLPullParser()
+    size = 2**14
+    while piece := part.read(size):
+        parser.feed(piece)
+        size *= 2
+        for _, element in parser.read_events():
+            size = 2**14
+            yield element
+    parser.close()
+    yield from (element for _, element in parser.read_events())
 
-        # In its row-by-row mode, which saves memory, openpyxl skips these.
-        merged, hidden, unsaved = [], set(), dict[int, list[int]]()
-        valued = False
-        with self._archive.open(self._book[title]._worksheet_path) as part:
-            for _, element in ElementTree.iterparse(part):
-                tag = element.tag.rpartition("}")[2]
-                if tag == "mergeCell":
-                    area = CellRange(element.attrib["ref"])
-                    merged.append((area.min_row, area.max_row, area.min_col - 1))
-                elif tag == "v":
-                    valued = bool(element.text)
-                elif tag == "c":
-                    has_formula = any(child.tag.endswith("}f") for child in element)
-                    at = element.get("r", "")
-                    if has_formula and at and not valued and "t" not in element.attrib:
-                        letters, row = coordinate_from_string(at)
-                        unsaved.setdefault(row, []).append(column_index_from_string(letters) - 1)
-                    valued = False
-                elif tag == "row" and element.get("hidden") in ("1", "true"):
-                    hidden.add(int(element.get("r", 0)))
-                if tag in ("c", "row"):
+
+def _strings(archive: ZipFile, package: Any) -> list[str]:
+    """Return the shared strings of a workbook, to which cells refer."""
+    from openpyxl.cell.text import Text
+    from openpyxl.xml.constants import SHARED_STRINGS
+
+    strings, kind = list[str](), cast(Any, Text)
+    if (table := package.find(SHARED_STRINGS)) is not None:
+        with archive.open(table.PartName[1:]) as part:
+            for element in _elements(part):
+                if element.tag.endswith("}si"):
+                    strings.append(kind.from_tree(element).content)
                     element.clear()
-        return merged, frozenset(hidden), unsaved
+    return strings
 
 
 @contextmanager
@@ -493,15 +544,17 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
         with ZipFile(BytesIO(data)) as archive, warnings.catch_warnings():
             if "metadata" in archive.namelist():
                 raise InputError(source, _CAPTURE)
-            import openpyxl
+            import openpyxl.reader.excel
+            import openpyxl.styles.stylesheet
 
             warnings.simplefilter("ignore")  # openpyxl warns about ignored parts, such as pictures
             _check_parts(archive, len(data))
-            book = openpyxl.load_workbook(BytesIO(data), read_only=True, data_only=True)
-            try:
-                yield _Workbook(archive, book, len(data))
-            finally:
-                book.close()
+            reader = openpyxl.reader.excel.ExcelReader(BytesIO(data), keep_links=False)
+            reader.read_manifest()
+            reader.shared_strings = _strings(archive, reader.package)
+            reader.read_workbook()
+            openpyxl.styles.stylesheet.apply_stylesheet(reader.archive, reader.wb)
+            yield _Workbook(archive, reader)
     except InputError:
         raise
     except ImportError:
@@ -514,18 +567,22 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
 
 def _check_parts(archive: ZipFile, size: int) -> None:
     """Raise if a workbook unpacks to too much, or a part has a DTD or cannot be unpacked."""
-    unpacked = tags = 0
-    most, most_tags = min(_UNPACKED, _BYTES[0] + _BYTES[1] * size), int(_TAGS[0] + _TAGS[1] * size)
+    unpacked = elements = others = 0
+    most, most_elements = (int(fixed + each * size) for fixed, each in (_BYTES, _ELEMENTS))
     for name in archive.namelist():
         with archive.open(name) as part:
             before = b""
             while chunk := part.read(2**16):
                 unpacked += len(chunk)
-                tags += chunk.count(b"<")
-                if unpacked > most:
-                    raise ValueError(f"it unpacks to more than {most} bytes")
-                if tags > most_tags:
-                    raise ValueError(f"it unpacks to more than {most_tags} XML tags")
+                more = chunk.count(b"<") - chunk.count(b"</")
+                elements += more
+                others += more - len(_OF_CELLS.findall(chunk))
+                if unpacked > min(_UNPACKED, most):
+                    raise ValueError(f"it unpacks to more than {min(_UNPACKED, most)} bytes")
+                if elements > most_elements:
+                    raise ValueError(f"it has more than {most_elements} XML elements")
+                if others > _OTHERS:
+                    raise ValueError(f"it has more than {_OTHERS} XML elements besides its cells")
                 # No spreadsheet writes a DTD, whose entities could grow without bound.
                 if b"<!DOCTYPE" in (before + chunk).replace(b"\0", b""):
                     raise ValueError(f"the part {name} declares a document type")

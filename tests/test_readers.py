@@ -4,6 +4,7 @@ Each ends in a result or in one of our errors. No test measures time: limits on 
 it, and `make fuzz` reports how the time of each reader grows.
 """
 
+import csv
 import os
 import random
 import signal
@@ -178,6 +179,48 @@ def test_cells_too_long_or_too_far_to_the_right_are_refused(suffix, tmp_path):
     with pytest.raises(InputError) as refused:  # empty cells are not a fault
         asi.read_plan(save(rows))
     assert "has no row of kind cable" in str(refused.value)
+
+
+@pytest.mark.parametrize("cell", ["x" * 200_000, '"' + "x\n" * 100_000 + '"'])
+def test_a_cell_beyond_the_limit_of_csv_is_refused_with_its_place(cell, tmp_path):
+    path, usual = tmp_path / "plan.csv", csv.field_size_limit()
+    path.write_text(f"a note\nkind,node,a,b\nmaster,head\nsupply,head,,{cell}\n")
+    why = (
+        f"row 4, column 4: a cell has {len(cell.strip(chr(34)).strip())} characters; at most 32767"
+    )
+    with pytest.raises(InputError, match=why):
+        asi.read_plan(path)
+    assert csv.field_size_limit() == usual
+    path.write_text("x" * 200_000 + "\nkind,node\nmaster,head\n")  # left out, above the titles
+    with pytest.raises(InputError, match="has no row of kind cable"):
+        asi.read_plan(path)
+
+
+def test_tables_with_too_many_rows_or_cells_are_refused(tmp_path):
+    path = tmp_path / "plan.csv"
+    path.write_text("kind,node\n" + "\n" * 9 + "master,head\n" * 65_537)
+    with pytest.raises(InputError, match="row 65547: at most 65536 filled rows are read"):
+        asi.read_plan(path)
+    path.write_text("kind,node\n" + "master,head\n" * 5000 + "," * 1000 + "1\n")
+    with pytest.raises(InputError, match="spans 5001 rows and 1001 columns; at most 4194304 cells"):
+        asi.read_plan(path)
+    path.write_text("kind,node\n" + "master,head\n" * 65_536)
+    with pytest.raises(InputError, match="has no row of kind cable"):
+        asi.read_plan(path)
+
+
+def test_a_column_of_other_text_is_not_searched_for_signals(tmp_path):
+    path = tmp_path / "list.csv"
+    rows = [f"T-{k},reading no. {k}\n" for k in range(1002)]
+    path.write_text("tag,signal\n" + "".join(rows[:1000]))
+    with pytest.raises(InputError, match="row 2, column signal"):
+        design.read_iolist(path)
+    path.write_text("tag,signal\n" + "".join(rows))
+    why = (
+        r"column signal \(B\): more than 1000 different cells are not known signals, such as 'read"
+    )
+    with pytest.raises(InputError, match=why):
+        design.read_iolist(path)
 
 
 def long(save):

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from typing import Any
 
 from shipnet.can.messages import Message, MessageSet, set_faults
 from shipnet.errors import ArgumentError, InputError, load_extra
 
-#: Limits of a DBC file, beyond which cantools needs seconds and gigabytes: bytes of a message (1785
-#: in J1939) and of all messages, multiplexer values of all signals, and powers of ten.
-_LARGEST, _LARGEST_SUM, _MOST_VALUES, _HIGHEST_POWER = 1785, 500_000, 65_536, 308
+#: Limits of a DBC file, beyond which cantools needs seconds and gigabytes: messages, bytes of one
+#: (1785 in J1939) and of all, multiplexer values of all signals, and powers of ten.
+_MOST, _LARGEST, _LARGEST_SUM, _MOST_VALUES, _HIGHEST_POWER = 16_384, 1785, 500_000, 65_536, 308
+
+# What is wrong with a file becomes an error; cantools' own log would print it again, line by line.
+logging.getLogger("cantools").addHandler(logging.NullHandler())
 
 
 def _refuse_large(text: str, source: str) -> None:
@@ -22,9 +26,11 @@ def _refuse_large(text: str, source: str) -> None:
     values = [float(end) - float(start) for start, end in ranges]
     powers = [float(n) for n in re.findall(r"(?<![\w.])[\d.]+[eE]\+?(\d+)", plain)]
     for what, value, most in (
+        ("the number of messages", len(lengths), _MOST),
         ("the length of a message in bytes", max(lengths, default=0), _LARGEST),
         ("the length of all messages in bytes", sum(lengths), _LARGEST_SUM),
         ("the place of a signal in bits", max(bits, default=0), 8 * _LARGEST),
+        ("the length of all signals in bits", sum(bits[1::2]), 8 * _LARGEST_SUM),
         ("the number of multiplexer values", sum(values), _MOST_VALUES),
         ("the power of ten of a number", max(powers, default=0), _HIGHEST_POWER),
     ):

@@ -6,6 +6,7 @@ Records become rows, which `_Records.add` checks. python-can reads ASC, BLF and 
 from __future__ import annotations
 
 import io
+import logging
 import os
 import re
 import zlib
@@ -27,6 +28,9 @@ from shipnet.can.dbc import one_line
 from shipnet.can.log import Log, impossible
 from shipnet.errors import InputError, load_extra
 from shipnet.files import LARGEST_RECORD, LONGEST, open_file, read_bytes
+
+# What is wrong with a file becomes a fault; python-can's own log would print it again.
+logging.getLogger("can").addHandler(logging.NullHandler())
 
 _FAULTS = 1000  #: Largest number of faults recorded per file.
 

@@ -30,7 +30,7 @@ from shipnet.design.words import (
     without_safety,
     words,
 )
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, InputError
 from shipnet.lists import ALIKE, Cells, clean, cleaned, read_number, widened
 from shipnet.signals import SIGNALS, find_signal, meanings, plain, spellings
 from shipnet.tables import (
@@ -398,11 +398,16 @@ def _look_up(cells: Points, name: str, words: Mapping[str, str], expected: str) 
     return [meaning[cell] for cell in cells[name]]
 
 
+#: Number of unknown signals for each of which the nearest known one is searched.
+_UNKNOWN = 1000
+
+
 def _signals(cells: Points, kinds: list[str], safety: list[str]) -> list[str]:
     """Return the signal of each point, and add intrinsic-safety markings to `safety`."""
     # A list has few distinct signals, so each is looked up once.
     cache: dict[tuple[str, str, str, str], tuple[str, str, list[tuple[str, str]]]] = {}
     signals: list[str] = []
+    unknown = 0
     taken: dict[tuple[str, str], list[int]] = {}
     words = cleaned([*map(widened, cells["signal"])])
     points = zip(words, cells["type"], kinds, cells["conductors"], strict=True)
@@ -411,6 +416,11 @@ def _signals(cells: Points, kinds: list[str], safety: list[str]) -> list[str]:
             bare, safe = without_safety(cells.reading.signal(point[0]))
             signal, faults = _signal(bare, *point[1:])
             cache[point] = signal, safe, faults
+            unknown += any(column == "signal" for column, _ in faults)
+            if unknown > _UNKNOWN:
+                title, more = cells.title("signal"), f"more than {_UNKNOWN} different cells"
+                why = f"column {title}: {more} are not known signals, such as {point[0]!r}"
+                raise InputError(cells.source, f"{why}; is it the column of signals?")
         signal, safe, faults = cache[point]
         for column, text in faults:
             cells.fault(row, column, f", column {cells.title(column)}: {text}")

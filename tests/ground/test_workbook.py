@@ -105,7 +105,9 @@ def test_rows_keep_the_numbers_that_excel_shows():
         ("<c t='e'><f>NA()</f><v>#N/A</v></c>", "#N/A", ERROR),
         ("<c t='e'><v>#SPILL!</v></c>", "#SPILL!", ERROR),
         ("<c t='str'><f>TEXT(A2,0)</f><v>#REF!</v></c>", "#REF!", ERROR),
-        ("<c><f>1/0</f></c>", "", ""),
+        ("<c><f>1/0</f></c>", "=", "a formula without a saved value"),
+        ("<c><f>1/0</f><v/></c>", "=", "a formula without a saved value"),
+        ("<c t='str'><f>A2</f><v/></c>", "", ""),
         ("<c t='d'><v>2026-01-02T03:04:05</v></c>", "2026-01-02 03:04:05", DATE),
     ],
 )
@@ -151,32 +153,77 @@ def test_two_cells_far_apart_cost_little_memory(monkeypatch):
         tracemalloc.stop()
     # A few bytes for each row between them.
     assert most < 8e5
-    assert tables._CELLS == 2**22
-    monkeypatch.setattr(tables, "_CELLS", 2**16)
+    assert tables.MOST_CELLS == 2**22
+    monkeypatch.setattr(tables, "MOST_CELLS", 2**16)
     four = [far(number, "XFD") for number in range(1, 5)]
     assert len(read(packed(parts("".join(four))))) == 4
     with pytest.raises(InputError, match="spans more than 65536 cells"):
         read(packed(parts("".join([*four, far(5, "A")]))))
 
 
-def test_a_small_workbook_with_a_huge_number_of_rows_cells_or_tags_is_refused():
-    for sheet, why in (
-        ("<row r='9999999999'><c><v>1</v></c></row>", "has a row beyond 1048576"),
-        ("<row>" + "<c/>" * 500 + "</row>" + "<row><c/></row>", None),
-        (("<row>" + "<c/>" * 500 + "</row>") * 600, "spans more than 26"),
-        ("<x/>" * 1_100_000, r"unpacks to more than 10\d{5} XML tags"),
-        ("<row><c t='str'><v>" + " " * 2**25 + "</v></c></row>", r"more than 1\d{7} bytes"),
-    ):
-        data = packed(parts(sheet))
-        assert len(data) < 100_000
-        if why is None:
-            assert read(data)
-            continue
-        with pytest.raises(InputError, match=why):
-            read(data)
+ROW = "<row>" + "<c t='s'><v>0</v></c>" * 10 + "</row>"
 
 
-def test_merged_areas_count_as_cells(tmp_path):
+@pytest.mark.parametrize(
+    ("sheet", "more", "why"),
+    [
+        ("<row r='9999999999'><c><v>1</v></c></row>", {}, "has a row beyond 1048576"),
+        ("<row>" + "<c/>" * 500 + "</row>" + "<row><c/></row>", {}, None),
+        ("<row/>" * 140_000, {}, r"has more than 13\d{4} XML elements"),
+        ("<x/>" * 65_800, {}, "has more than 65536 XML elements besides its cells"),
+        ("<y:row><y:c><y:v>1</y:v></y:c></y:row>" * 40_000, {}, "unbound prefix"),
+        (
+            "<row><c/></row>",
+            {"styles": "<cellXfs>" + "<xf/>" * 65_600 + "</cellXfs>"},
+            "has more than 65536 XML elements besides its cells",
+        ),
+        ("<row><c t='str'><v>" + " " * 2**25 + "</v></c></row>", {}, r"more than 1\d{7} bytes"),
+        (ROW * 54, {"strings": f"<si><t>{'x' * 32_000}</t></si>"}, "than 16777216 characters"),
+        (ROW * 2, {"strings": f"<si><t>{'x' * 32_000}</t></si>"}, None),
+    ],
+    ids=range(9),
+)
+def test_a_small_workbook_that_would_take_long_is_refused(sheet, more, why):
+    data = packed(parts(sheet, **more))
+    assert len(data) < 100_000
+    if why is None:
+        assert read(data)
+        return
+    with pytest.raises(InputError, match=why):
+        read(data)
+
+
+def test_a_tag_of_many_megabytes_is_parsed_once():
+    long = f"<row><c a='{'x' * 15_000_000}'><v>1</v></c></row>"
+    assert rows(long) == [(1, ["1"], {})]
+
+
+def test_sheets_that_share_a_part_and_too_many_sheets_are_refused():
+    content = parts("<row><c><v>1</v></c></row>", "<row><c><v>2</v></c></row>")
+    book = content["xl/workbook.xml"]
+    for changed in (book.replace('"r2"', '"r1"'), book.replace('"S2"', '"S1"')):
+        with pytest.raises(InputError, match="two of its sheets have the same name or content"):
+            read(packed(content | {"xl/workbook.xml": changed}))
+    assert len(read(packed(parts(*["<row><c/></row>"] * 256)))) == 1
+    with pytest.raises(InputError, match=r"it has 257 sheets with cells; expected 1\.\.256"):
+        read(packed(parts(*["<row><c/></row>"] * 257)))
+
+
+def test_charts_and_links_of_a_workbook_are_not_read():
+    content = parts("<row><c><v>1</v></c></row>", "<row><c><v>2</v></c></row>")
+    name = "xl/_rels/workbook.xml.rels"
+    chart = (
+        content[name]
+        .replace("/worksheet", "/chartsheet", 2)
+        .replace("/chartsheet", "/worksheet", 1)
+    )
+    assert read(packed(content | {name: chart, "xl/worksheets/sheet2.xml": "<no chart"})) == [
+        (1, ["1"], {})
+    ]
+
+
+def test_merged_areas_count_as_cells(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "MOST_CELLS", 2**18)
     row = "<row>" + "<c t='str'><v>{}</v></c>" * 3 + "</row>"
     content = parts(row.format(*"abc") + row.format(1, 2, 3) + "<row><c><v>1</v></c></row>" * 999)
     name = "xl/worksheets/sheet1.xml"
@@ -188,7 +235,7 @@ def test_merged_areas_count_as_cells(tmp_path):
         if areas:
             assert {cells[2] for _, cells in tables.read_sheet(path).rows[:-1]} == {"3"}
             continue
-        with pytest.raises(InputError, match="its merged areas span more than 26"):
+        with pytest.raises(InputError, match="its merged areas span more than 262144"):
             tables.read_sheet(path)
 
 
