@@ -28,6 +28,9 @@ _WIDTH, _MARGIN, _LINE, _GAP = 520, 12, 14, 12
 #: Least height of a view [px]; if it is flatter, breadth and height are drawn up to 3 times larger.
 _LOW, _MOST = 60, 3
 
+#: Largest height of a view [px].
+_HIGH = 160
+
 #: Distance between the two cables of a doubled line [px].
 _SHIFT = 3
 
@@ -96,8 +99,9 @@ class _Views:
     def __init__(self, positions: pd.DataFrame) -> None:
         positions = positions.dropna()
         span = np.maximum(positions.max() - positions.min(), 1.0)
-        self.scale = (_WIDTH - 2 * _MARGIN) / float(span.max())
-        flat = float(self.scale * span[["y_m", "z_m"]].max())
+        across = float(span[["y_m", "z_m"]].max())
+        self.scale = min((_WIDTH - 2 * _MARGIN) / float(span["x_m"]), _HIGH / across)
+        flat = self.scale * across
         self.stretch = int(np.clip(np.ceil(_LOW / flat), 1, _MOST))
         x, y, z = (self.scale * (positions - positions.min())).to_numpy().T
         wide, high = (float(self.stretch * self.scale * span[axis]) for axis in ("y_m", "z_m"))

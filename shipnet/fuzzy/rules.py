@@ -346,6 +346,7 @@ class RuleBase:
             region = region * len(cell) + alike.argmax(axis=1)
         return table.assign(healthy=np.bincount(region[known], minlength=number))
 
+    @style.applied
     def plot_surface(
         self,
         x: str,

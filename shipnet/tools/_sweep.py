@@ -100,6 +100,7 @@ class Sweep:
             return curve
         return curve.set_axis([in_words(self.kind, value) for value in self.views])
 
+    @style.applied
     def plot(self, ax: Axes | None = None, *, now: Any = None) -> Axes:
         """Draw the main number and its limit over the field, with a value `now` marked.
 

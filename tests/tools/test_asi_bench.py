@@ -264,7 +264,7 @@ def test_any_devices_are_computed_or_refused_in_one_sentence(devices, length, ri
     answer, view = tool.answer(), tool._view()
     assert len(tool.broken()) == len([*filter(str.strip, tool.result.broken)])
     assert view.verdict and len(answer["arrays"]["weakest"]) == len(answer["labels"])
-    assert read_state(write_state("asi_bench", tool).encode(), "asi_bench", AsiBench) == tool
+    assert read_state(write_state("asi_bench", tool).encode(), "asi_bench", AsiBench) == [tool]
 
 
 @pytest.mark.parametrize(
@@ -310,7 +310,7 @@ def test_a_link_carries_the_whole_state_of_62_slaves():
     tool = bench(*devices, "repeater@70.5", length=90, data=3, noise=0.5)
     link = write_link(tool)
     query = link.split('href="?')[1].split('"')[0].replace("&amp;", "&")
-    assert read_link(query, AsiBench) == tool
+    assert read_link(query, AsiBench) == [tool]
     with pytest.raises(InputError, match="the link: one of devices is 'slave'"):
         read_link("devices=slave", AsiBench)
 
