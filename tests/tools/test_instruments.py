@@ -30,8 +30,8 @@ from shipnet.tools._view import (
 )
 from tests.tools.test_tools_limits import SMALL, TOOLS, kind_of
 
-#: Tools that are replaced by a bench with a drawing of its own.
-OTHERS = {"asi_line", "asi_network"}
+#: Tools whose drawing has instruments of its own.
+OTHERS = {"asi_bench"}
 TOOLS = [tool for tool in TOOLS if tool not in OTHERS]
 SWEPT = [tool for tool in TOOLS if tool not in ("ship_design", "valve_client")]
 
