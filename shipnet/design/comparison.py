@@ -356,12 +356,13 @@ class Comparison:
 
     def drawing(self) -> ship.ShipDrawing:
         """Return all designs in the ship, in which a cable or device that is clicked fails."""
-        notes = {}
+        drawn = {}
         for name, design in self.designs.items():
             cost = f"{number(self.quantities[name]['total_cost_eur'])} EUR"
             rules = [f"violates {self._violated[name]}"] if name in self._violated else []
-            notes[name] = "; ".join([cost, ship.note(design), *rules])
-        return ship.draw(self.designs, notes)
+            words = "; ".join([cost, ship.note(design, design._failures), *rules])
+            drawn[name] = design, design._failures, words
+        return ship.draw(drawn)
 
     def plan(
         self,

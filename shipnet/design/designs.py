@@ -126,7 +126,8 @@ class Design(Layout):
 
     def drawing(self) -> ship.ShipDrawing:
         """Return the side and plan view, in which a cable or device that is clicked fails."""
-        return ship.draw({self.name: self}, {self.name: ship.note(self)})
+        failures = self._failures
+        return ship.draw({self.name: (self, failures, ship.note(self, failures))})
 
     def files(self) -> Iterator[tuple[str, bytes]]:
         """Yield the name and the content of each file that `save` writes."""

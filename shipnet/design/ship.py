@@ -12,15 +12,13 @@ from html import escape
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from shipnet.design.drawing import values
+from shipnet.design.layout import Layout
 from shipnet.lazy import pd
-
-if TYPE_CHECKING:
-    from shipnet.design.designs import Design
 
 #: Width, margin, height of a line of text, and distance between the views [px].
 _WIDTH, _MARGIN, _LINE, _GAP = 520, 12, 14, 12
@@ -67,21 +65,20 @@ class ShipDrawing(NamedTuple):
         Path(path).write_text(page, encoding="utf-8")
 
 
-def draw(designs: Mapping[str, Design], notes: Mapping[str, str]) -> ShipDrawing:
-    """Return the drawing of designs, each below its name and note."""
+def draw(designs: Mapping[str, tuple[Layout, pd.DataFrame, str]]) -> ShipDrawing:
+    """Return the drawing of designs, given with their single failures and notes."""
     style = (files("shipnet.design") / "ship.css").read_text(encoding="utf-8")
     figures = (
-        f"<figure><figcaption><strong>{escape(name)}</strong> {escape(notes[name])}</figcaption>"
-        f"{_svg(design)}</figure>"
-        for name, design in designs.items()
+        f"<figure><figcaption><strong>{escape(name)}</strong> {escape(words)}</figcaption>"
+        f"{_svg(design, failures)}</figure>"
+        for name, (design, failures, words) in designs.items()
     )
     lines = [f'<div class="shipnet-ship"><style>{style}</style><p>{_HINT}</p>', *figures, "</div>"]
     return ShipDrawing("\n".join(lines))
 
 
-def note(design: Design) -> str:
+def note(design: Layout, failures: pd.DataFrame) -> str:
     """Return what the worst single failure of a design loses, in words."""
-    failures = design.failures()
     failures = failures[failures["kind"] != "cabinet"]
     lost = int(failures["points_lost"].max()) if len(failures) else 0
     missing = int((~design.points["fits"]).sum())
@@ -139,14 +136,14 @@ class _Views:
         yield _text(_MARGIN + step * self.scale + 6, y, f"{step:g} m{stretched}")
 
 
-def _svg(design: Design) -> str:
+def _svg(design: Layout, failures: pd.DataFrame) -> str:
     """Return a design as SVG."""
     devices = design.devices.set_index("device")
     points = design.iolist.points.set_index("tag")[["x_m", "y_m", "z_m"]]
     views = _Views(pd.concat([devices[["x_m", "y_m", "z_m"]], points]))
     option = design.name.removesuffix(" doubled")
     lost = defaultdict[tuple[str, ...], list[str]](list)
-    for part, tags in _parts(design, views):
+    for part, tags in _parts(design, failures, views):
         lost[tags].append(part)
     groups = (
         f'<g class="loss">{"".join(parts)}<path class="lost" d="{views.dots(tags)}"/></g>'
@@ -164,9 +161,11 @@ def _svg(design: Design) -> str:
     return "\n".join(lines)
 
 
-def _parts(design: Design, views: _Views) -> Iterator[tuple[str, tuple[str, ...]]]:
+def _parts(
+    design: Layout, failures: pd.DataFrame, views: _Views
+) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Yield each cable and device as SVG, with the tags of the points that its failure loses."""
-    tags = design.failures().set_index(["failure", "failed"])["tags"]
+    tags = failures.set_index(["failure", "failed"])["tags"]
 
     def part(
         what: str, kind: str, name: str, failure: str, path: str
