@@ -462,7 +462,7 @@ def test_command_decodes_a_scope_file(tmp_path, capsys):
         ("hello\n", [], "no column of numbers"),
         ("".join(f"{k}e-7,{k % 7}\n" for k in range(2000)), [], "no AS-i telegram"),
         ("".join(f"{k}e-7,{k % 7}\n" for k in range(99)), ["--threshold", "2"], "threshold is 2"),
-        ("1\n2\n3\n", ["--sample-interval", "-1"], "sample_interval is -1.0 s"),
+        ("1\n2\n3\n", ["--sample-interval", "-1"], "--sample-interval is -1.0 s"),
     ],
 )
 def test_the_command_reports_a_mistake_in_one_line(content, options, message, tmp_path, capsys):
