@@ -212,6 +212,8 @@ def patterns():
             if method in METHODS and node.args and (of == "re" or of.endswith(".str")):
                 scope = Scope(vars(builtins) | vars(import_module(module)))
                 pattern = eval(ast.unparse(node.args[0]), {}, scope)
+                if isinstance(pattern, bytes):
+                    pattern = pattern.decode("latin-1")
                 options = map(ast.unparse, [*node.args[1:], *(one.value for one in node.keywords)])
                 flags = sum(
                     int(eval(text, {}, scope)) for text in options if re.match(r"re\.[A-Z]", text)
