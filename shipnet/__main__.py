@@ -234,6 +234,8 @@ def _modbus(arguments: argparse.Namespace) -> Answer:
     from shipnet.modbus.polling import scan
 
     names = ("registers", "bit_rate", "dead", "processing", "timeout", "retries", "limit")
+    if arguments.junit and arguments.limit is None:
+        raise ArgumentError("--junit requires --limit")
     character = {"E": "8E1", "O": "8O1", "N": "8N2"}.get(arguments.character, arguments.character)
     options = {name: getattr(arguments, name) for name in names}
     result = scan(arguments.slaves, character=character, **options)
@@ -424,6 +426,7 @@ _COMMANDS = {
 }
 
 
+#: The last line of every help.
 _EXIT_CODES = "exit codes: 0 good, 1 done and the answer is bad, 2 could not be done"
 
 
@@ -462,7 +465,7 @@ def parser() -> argparse.ArgumentParser:
         sub = commands.add_parser(name, formatter_class=form, **about)
         forms = (*FORMS, *one["forms"]) if "forms" in one else ()
         sub.set_defaults(
-            run=_COMMANDS[name], output=[], json=False, junit=False, forms=forms, each=""
+            run=_COMMANDS[name], output=[], json=False, junit=False, forms=forms, input=""
         )
         if forms:
             help = f"also write the result to a file ({', '.join(forms)}) or a folder of tables"
@@ -482,9 +485,13 @@ def _option(
     help: str,
     default: Any = None,
     type: str = "",
+    input: bool = False,
     **more: Any,
 ) -> argparse.Action:
-    """Add an argument such as ``FILE``, ``--channel NAME``, or ``--udp`` without a value."""
+    """Add an argument such as ``FILE``, ``--channel NAME``, or ``--udp`` without a value.
+
+    The command runs once for each file of an `input`.
+    """
     flags, _, metavar = words.rpartition(" ")
     if words.startswith("-") and not flags:
         return parser.add_argument(words, action="store_true", help=help)
@@ -503,9 +510,8 @@ def _option(
     action = parser.add_argument(
         *names, metavar=metavar, help=help, default=default, type=kinds.get(type, str), **more
     )
-    if not flags and action.nargs == "+":
-        # The command runs once for each of these arguments.
-        parser.set_defaults(each=action.dest)
+    if input:
+        parser.set_defaults(input=action.dest)
     return action
 
 
@@ -518,8 +524,8 @@ def _print(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
 
 
 @contextmanager
-def _opened(name: str) -> Iterator[str]:
-    """Yield the name of a file; for -, that of a temporary copy of the standard input."""
+def _opened(name: str | None) -> Iterator[str | None]:
+    """Yield the name of a file, if any; for -, that of a temporary copy of the standard input."""
     if name != "-":
         yield name
         return
@@ -539,18 +545,22 @@ def _run(arguments: argparse.Namespace) -> int:
     for file in arguments.output:
         if file != "-":
             check_output(file, arguments.forms)
-    names = getattr(arguments, arguments.each) if arguments.each else [""]
+    files_given = getattr(arguments, arguments.input) if arguments.input else None
+    names = files_given if isinstance(files_given, list) else [files_given]
     if len(names) > 1 and arguments.output:
         raise ArgumentError(f"-o requires one file; {len(names)} are given")
+    if ("-" in arguments.output) + arguments.json + arguments.junit > 1:
+        raise ArgumentError("-o -, --json and --junit cannot be combined")
     code, texts = 0, []
     for name in names:
         with _opened(name) as file:
-            setattr(arguments, arguments.each or "each", file)
+            if arguments.input:
+                setattr(arguments, arguments.input, file)
             answer = arguments.run(arguments)
         if answer is None:
             return 0
         code = max(code, 1 if answer.ok is False else 0)
-        texts.append(_shown(arguments, answer, name if len(names) > 1 else ""))
+        texts.append(_shown(arguments, answer, name if name and len(names) > 1 else ""))
     if arguments.junit:
         texts = ['<?xml version="1.0" encoding="UTF-8"?>\n<testsuites>', *texts, "</testsuites>"]
     _print("\n".join(texts))
@@ -611,15 +621,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     except (ValueError, OSError, ImportError) as mistake:
-        lines = [str(mistake)]
+        message = str(mistake)
+        if isinstance(mistake, ArgumentError):
+            message = _as_typed(message, parsed.flags)
+        lines = [message]
         if isinstance(mistake, InputError) and len(mistake.faults) > 1:
             lines = [f"{mistake.file}:", *mistake.lines()]
-        elif isinstance(mistake, ArgumentError):
-            lines = [_as_typed(str(mistake), parsed.flags)]
         _print("shipnet: " + "\n  ".join(lines), sys.stderr)
         if parsed.json:
             faults = mistake.faults if isinstance(mistake, InputError) else ()
-            _print(json.dumps({"command": parsed.command, "error": str(mistake), "faults": faults}))
+            _print(json.dumps({"command": parsed.command, "error": message, "faults": faults}))
         return 2
     return 0
 

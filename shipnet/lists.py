@@ -284,7 +284,7 @@ class Cells:
     grouped: ClassVar[tuple[str, ...]] = ()  #: Columns that may be given once per group.
     needs_unit: ClassVar[frozenset[str]] = frozenset()  #: Quantities without a usual unit.
     hint: ClassVar[str] = "rename them, or leave them out"  #: What to do about unknown titles.
-    missing: ClassVar[frozenset[str]] = frozenset()  #: Cells that mean that there is no value.
+    missing: ClassVar[frozenset[str]] = frozenset()  #: Cells that mark a missing value.
     has_spares: ClassVar[bool] = False  #: Whether rows marked spare or named by a dash are void.
 
     def __init__(

@@ -109,6 +109,8 @@ def _failure(row: Any) -> str:
         return ""
     bounds = [("at least", row.low), ("at most", row.high)]
     limits = [f"{word} {bound:g}" for word, bound in bounds if isfinite(bound)]
+    if not limits or not isfinite(row.value):
+        return str(row.why)
     return f"{row.value:.4g} {row.unit}; it must be {' and '.join(limits)}"
 
 

@@ -1,7 +1,9 @@
-"""Hypothesis profiles, garbage, kernels that are forks and start again, and axes to draw on."""
+"""Hypothesis profiles, garbage, kernels that are forks and start again, and figures."""
 
 import gc
 import os
+import sys
+from collections.abc import Iterator
 from typing import Any
 
 import kernels
@@ -49,11 +51,18 @@ def _start_again(*args: Any, **options: Any) -> Any:
 kernel.start_new_kernel = _start_again
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol() -> Iterator[None]:
+    """Close the figures that a test or a doctest leaves open."""
+    result = yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
+    return result
+
+
 @pytest.fixture
 def ax() -> Any:
-    """Return axes of a figure that is closed after the test."""
+    """Return new axes."""
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots()
-    yield axes
-    plt.close(figure)
+    return plt.subplots()[1]

@@ -5,11 +5,12 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -56,7 +57,7 @@ def running(*arguments: str) -> Iterator[subprocess.Popen]:
 
 
 @contextmanager
-def two_workers() -> Iterator[object]:
+def two_workers() -> Iterator[Any]:
     """Yield the client of a Dask cluster of two processes, on ports that are free."""
     import dask
     from distributed import Client, LocalCluster
@@ -71,6 +72,22 @@ def two_workers() -> Iterator[object]:
         yield client
         # One that was killed comes back before the cluster closes.
         client.wait_for_workers(2, timeout=PATIENCE)
+
+
+def losing_a_worker(client: Any, killed: list[int]) -> Callable[..., Iterator[Any]]:
+    """Return a `map` on the cluster of a client that kills a worker after the first result.
+
+    The number of the process that is killed is added to `killed`.
+    """
+
+    def mapped(function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
+        results = client.get_executor(pure=False).map(function, tasks)
+        yield next(results)
+        killed.append(next(iter(client.run(os.getpid).values())))
+        os.kill(killed[0], signal.SIGKILL)
+        yield from results
+
+    return mapped
 
 
 def load(upload: object, content: bytes, name: str = "a.csv") -> None:

@@ -350,6 +350,12 @@ def test_a_minus_is_standard_input_and_standard_output(monkeypatch, capsys):
     given("not,a,plan\n")
     assert main(["check", "-"]) == 2
     assert capsys.readouterr().err.startswith("shipnet: standard input: ")
+    given(POINTS)
+    assert main(["design", "-", "--options", "home runs", "--cabinet", "0,0,0"]) == 0
+    assert "2 points" in capsys.readouterr().out
+    given(PLAN)
+    assert main(["check", "-", "-o", "-", "--json"]) == 2
+    assert "-o -, --json and --junit cannot be combined" in capsys.readouterr().err
 
 
 def test_several_files_are_checked_in_one_call(tmp_path, capsys):
@@ -396,6 +402,13 @@ def test_junit_of_a_scan_and_of_a_log(tmp_path, capsys):
     assert int(suite.get("tests")) == len(compared.table())
     assert main(["can", str(messages), "--junit"]) == 2
     assert "--junit requires --log" in capsys.readouterr().err
+    assert main([*MODBUS, "--junit"]) == 2
+    assert "--junit requires --limit" in capsys.readouterr().err
+
+
+def test_an_error_in_json_names_the_option_as_it_is_typed(capsys):
+    assert main([*MODBUS, "--slaves", "0", "--json"]) == 2
+    assert json.loads(capsys.readouterr().out)["error"].startswith("--slaves is 0; ")
 
 
 def test_diagnose_reports_each_fault_with_its_time_and_reason(tmp_path, capsys):

@@ -367,11 +367,11 @@ class Capture:
         )
 
     def _repr_html_(self) -> str:
-        found, rows = self.check(), self.transactions
+        findings, rows = self.check(), self.transactions
         faulty = ~rows[["request_error", "response_error"]].isin(_FINE).all(axis=1)
         first = rows["start_s"][faulty if faulty.any() else slice(None)].head(1).sum()
         plot = partial(self.plot, start=max(0.0, first - 50e-6), stop=first + 400e-6)
-        return as_html(self, found.worst()[MARGINS], ok=found.ok, plot=plot)
+        return as_html(self, findings.worst()[MARGINS], ok=findings.ok, plot=plot)
 
     @property
     def telegrams(self) -> int:

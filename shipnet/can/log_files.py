@@ -16,6 +16,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from functools import partial
+from itertools import takewhile
 from math import isnan, nan
 from pathlib import Path
 from struct import unpack_from
@@ -413,6 +414,9 @@ _ASC_DATA = re.compile(
     r"\s*\S+\s+\d+\s+\S+\s+[TR]x\s+[dr]\s+([0-9a-f]+)(?!\S)((?:\s+[0-9a-f]+(?!\S))*)", re.I
 )
 
+#: A byte of data in a line of a TRC file.
+_OCTET = re.compile("[0-9A-Fa-f]{2}")
+
 #: Marks the end of an ASC header; without it, python-can would drop the first frame.
 _ASC_BODY = "no internal events logged"
 
@@ -473,6 +477,11 @@ def _read_foreign(kind: str, file: Path) -> _Records:
                     base = 16 if reader.base == "hex" else 10
                     data = bytes(int(octet, base) for octet in match[2].split())
                     row = row._replace(dlc=int(match[1], base), data=data)
+                elif not asc and not row.kind:
+                    # It reads only as many bytes of a TRC record as its data length code says.
+                    octets = [*takewhile(_OCTET.fullmatch, reversed(lines.text.split()))]
+                    if len(octets) > len(row.data):
+                        row = row._replace(data=bytes.fromhex("".join(reversed(octets))))
                 records.add(lines.number, row)
                 lines.text = ""
             more = False

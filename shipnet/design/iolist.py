@@ -160,9 +160,9 @@ class IoList(PointTable):
         if faults := {fault for point in points for fault in start.tried(point)[1]}:
             raise ArgumentError("; ".join(sorted(faults)))
         case = partial(_case, self, site, options, start, RuleSet.of(rules))
+        answers = spread(case, points, workers, step="points of the grid")
         tables = []
-        found = spread(case, points, workers, step="points of the grid")
-        for point, rows in zip(points, found, strict=True):
+        for point, rows in zip(points, answers, strict=True):
             table = pd.DataFrame(rows)
             # A value may be a range or several bit rates; each row contains the whole value.
             point_columns = {name: [value] * len(table) for name, value in point.items()}

@@ -251,7 +251,7 @@ class Screen:
         """
         from shipnet.engine.plot import plot_screen
 
-        wide = check_whole("columns", columns, 1, len(self._table))
+        wide = check_whole("columns", columns, 1, 100)
         return plot_screen(self._table, ax=ax, old=RULE, columns=wide)
 
     def __repr__(self) -> str:

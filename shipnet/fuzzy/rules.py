@@ -332,19 +332,19 @@ class RuleBase:
         table = table.assign(fired=[" ".join(codes[row]) for row in fires], count=fires.sum(axis=1))
         if healthy is None:
             return table
-        region, known = np.zeros(1, int), np.ones(1, bool)
+        region_of, is_known = np.zeros(1, int), np.ones(1, bool)
         values = arrays(self.names, healthy).values()
         for variable, cell, sample in zip(self.variables, cells, values, strict=True):
             x, (lowest, highest) = sample.ravel(), variable.valid
-            known = known & (x >= lowest) & (x <= highest)
+            is_known = is_known & (x >= lowest) & (x <= highest)
             if method == "midpoint":
                 x = x.clip(variable.low, variable.high)
             # A sample lies in the cell in which the same terms hold.
             terms = variable.holds(x, method)[:, np.newaxis]
             alike = (terms == variable.holds(cell, method)).all(axis=2)
-            known &= alike.any(axis=1)
-            region = region * len(cell) + alike.argmax(axis=1)
-        return table.assign(healthy=np.bincount(region[known], minlength=number))
+            is_known &= alike.any(axis=1)
+            region_of = region_of * len(cell) + alike.argmax(axis=1)
+        return table.assign(healthy=np.bincount(region_of[is_known], minlength=number))
 
     @style.applied
     def plot_surface(
@@ -360,13 +360,13 @@ class RuleBase:
 
         `others` are the values of the other variables; those omitted are missing.
         """
-        across, up, given = self[x], self[y], dict(others or {})
-        if x == y or x in given or y in given:
+        across, up, fixed = self[x], self[y], dict(others or {})
+        if x == y or x in fixed or y in fixed:
             raise ArgumentError(
                 f"x is {x!r}, y is {y!r}; they must be two variables that are not in others"
             )
         sides = [np.linspace(one.low, one.high, _FINE) for one in (across, up)]
-        decision = self.decide({**given, x: sides[0], y: sides[1][:, np.newaxis]})
+        decision = self.decide({**fixed, x: sides[0], y: sides[1][:, np.newaxis]})
         order = (NORMAL, UNDETERMINED, *reversed(self.ranking))
         present = [name for name in order if (decision.top == name).any()]
         if code is None:
@@ -604,8 +604,7 @@ class Decision:
     @property
     def ok(self) -> bool | None:
         """Whether all samples are normal; None if none has a fault but some are undetermined."""
-        others = set(self.top.ravel()) - {NORMAL}
-        return None if others == {UNDETERMINED} else not others
+        return all_normal(self.top)
 
     @property
     def verdict(self) -> str:
@@ -626,8 +625,7 @@ class Decision:
 
     def _repr_html_(self) -> str:
         table = self.table() if self.active.ndim < 3 else pd.DataFrame()
-        ok, several = all_normal(self.top), len(table) > 1
-        return as_html(self, ok=ok, table=table, plot=self.firing.plot, figure=several)
+        return as_html(self, table=table, figure=len(table) > 1)
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:

@@ -36,6 +36,9 @@ SLOWEST_RATE = 1e6
 #: total, and per byte of the file; the larger one applies. A tiny archive can unpack to any size.
 MOST_NUMBERS, MOST_PER_BYTE = 2**24, 4
 
+#: Maximum number of channels in an array.
+MOST_CHANNELS = 1024
+
 #: Size above which a numpy file is memory-mapped instead of read [byte].
 MAPPED = 2**26
 
@@ -288,9 +291,9 @@ def _read_npy(file: str, stream: IO[bytes]) -> _Channels:
     values = _check_real(file, "the array", array)
     if values.ndim == 1:
         return _Channels(file, lambda k: values, [_Column(1, "u")])
-    if values.ndim != 2 or min(values.shape) < 2:
-        about = f"the array has the shape {array.shape}"
-        raise InputError(file, f"{about}; expected voltages, or time and voltages")
+    if values.ndim != 2 or not 2 <= min(values.shape) <= 1 + MOST_CHANNELS:
+        about = f"the array has the shape {array.shape}; expected voltages, or time and voltages"
+        raise InputError(file, f"{about} of at most {MOST_CHANNELS} channels")
     if values.shape[0] < values.shape[1]:
         values, array = values.T, array.T
     columns = [_Column(1, "t", "s")]
@@ -309,8 +312,9 @@ def _read_npz(file: str, stream: IO[bytes]) -> _Channels:
         arrays = _members(file, stream, archive, (voltage, "t", "dt", "probes"))
     u = _check_real(file, voltage, arrays[voltage])
     u = u[:, np.newaxis] if u.ndim == 1 else u
-    if u.ndim != 2:
-        raise InputError(file, f"{voltage} has the shape {u.shape}; expected (times, channels)")
+    if u.ndim != 2 or u.shape[1] > MOST_CHANNELS:
+        expected = f"(times, channels), with at most {MOST_CHANNELS} channels"
+        raise InputError(file, f"{voltage} has the shape {u.shape}; expected {expected}")
     titles = [voltage] if u.shape[1] == 1 else [f"{voltage}{k}" for k in range(u.shape[1])]
     if "probes" in arrays and arrays["probes"].shape == (u.shape[1],):
         titles = [str(name) for name in arrays["probes"]]

@@ -249,8 +249,8 @@ class Page(widgets.VBox):  # type: ignore[misc]
         if self._preset is not None and field in self.presets:
             # Pins have readings, but no values of these controls.
             start, make = self._setters.inputs, self._preset.make
-            found = sweep(start, field, lambda one: self._see_once(make(one, inputs)))
-            return found.view(getattr(start, field)), []
+            swept = sweep(start, field, lambda one: self._see_once(make(one, inputs)))
+            return swept.view(getattr(start, field)), []
         pins = [sweep(pin.inputs, field, self._see_once).view() for pin in self._pins]
         return sweep(inputs, field, self._see_once).view(getattr(inputs, field)), pins
 

@@ -33,8 +33,8 @@ class Sweep:
     Examples
     --------
     >>> from shipnet import tools
-    >>> found = tools.ModbusScan().sweep("slaves")
-    >>> found, found.ok
+    >>> swept = tools.ModbusScan().sweep("slaves")
+    >>> swept, swept.ok
     (Sweep(slaves: in time up to 39; too slow from 40), False)
     >>> table = tools.ModbusScan().sweep("dead", [0, 1]).table()
     >>> table["scan_s"].round(3).tolist(), table["answer"].tolist()

@@ -3,7 +3,6 @@
 import hashlib
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import tracemalloc
@@ -23,7 +22,7 @@ from shipnet.ballast.plant import Plant
 from shipnet.ballast.sensors import CHANNELS
 from shipnet.ballast.trials import spread_valves
 from shipnet.errors import ArgumentError, InputError
-from tests.support import require, two_workers
+from tests.support import losing_a_worker, require, two_workers
 
 DAY = 86400.0
 
@@ -165,15 +164,8 @@ def test_every_file_says_that_it_is_synthetic(fleet):
 def test_two_workers_write_the_same_bytes_even_if_one_is_killed(tmp_path):
     with two_workers() as client:
         killed = []
-
-        def stopped(function, tasks):
-            results = client.get_executor(pure=False).map(function, tasks)
-            yield next(results)
-            killed.append(next(iter(client.run(os.getpid).values())))
-            os.kill(killed[0], signal.SIGKILL)
-            yield from results
-
-        there = write_fleet(tmp_path / "there", 160, 1, workers=stopped)
+        workers = losing_a_worker(client, killed)
+        there = write_fleet(tmp_path / "there", 160, 1, workers=workers)
     here = write_fleet(tmp_path / "here", 160, 1)
     assert killed and there.equals(here)
     assert sums(tmp_path / "there") == sums(tmp_path / "here")

@@ -33,12 +33,25 @@ ARGUMENTS = [*FLAGS.split(), "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127
 def served(folder: Path, root: Path, *options: str) -> Iterator[str]:
     """Serve the tools of a folder, with template and log in `root`; yield their address."""
     app.build(folder, root)
+    port = free_port()
+    command, environment = app.voila(folder, root, f"--port={port}", *options)
+    with answering(command, environment, f"http://127.0.0.1:{port}", root / "log") as address:
+        yield address
+
+
+def free_port() -> int:
+    """Return the number of a port that nothing uses."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    address = f"http://127.0.0.1:{port}"
-    command, environment = app.voila(folder, root, f"--port={port}", *options)
-    log = root / "log"
+        port: int = free.getsockname()[1]
+    return port
+
+
+@contextmanager
+def answering(
+    command: list[str], environment: dict[str, str], address: str, log: Path
+) -> Iterator[str]:
+    """Run a server; yield its address once it answers there."""
     with (
         log.open("wb") as out,
         subprocess.Popen(command, env=environment, stdout=out, stderr=out) as server,
@@ -52,7 +65,7 @@ def served(folder: Path, root: Path, *options: str) -> Iterator[str]:
                 except OSError:
                     time.sleep(0.25)
             else:
-                pytest.fail(f"Voila does not answer: {log.read_text()}")
+                pytest.fail(f"the server does not answer: {log.read_text()}")
             yield address
         finally:
             server.terminate()

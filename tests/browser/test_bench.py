@@ -3,11 +3,7 @@
 import json
 import os
 import re
-import socket
-import subprocess
 import sys
-import time
-import urllib.request
 
 import nbformat
 import pytest
@@ -15,7 +11,7 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 from playwright.sync_api import expect
 
 from docs import app as launcher
-from tests.browser.conftest import PATIENCE, served
+from tests.browser.conftest import PATIENCE, answering, free_port, served
 
 SIZES = [(1280, 800), (390, 844)]
 DEVICES = '("master@0", "supply@0", "scope@0", "slave@20", "slave@60")'
@@ -47,32 +43,16 @@ def lab(tmp_path_factory):
     settings.mkdir(parents=True)
     silent = {"fetchNews": "false", "checkForUpdates": False}
     (settings / "notification.jupyterlab-settings").write_text(json.dumps(silent))
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    own = {
+    port = free_port()
+    folders = {
         f"JUPYTERLAB_{name}_DIR": str(root / name.lower()) for name in ("SETTINGS", "WORKSPACES")
     }
     options = f"--no-browser --allow-root --ip=127.0.0.1 --port={port} --IdentityProvider.token="
     folder = written(root / "notebooks")
     command = [sys.executable, "-m", "jupyterlab", *options.split(), f"--notebook-dir={folder}"]
-    environment = os.environ | own | {"JUPYTER_CONFIG_DIR": str(root / "config")}
-    address, log = f"http://127.0.0.1:{port}", root / "log"
-    with (
-        log.open("wb") as out,
-        subprocess.Popen(command, env=environment, stdout=out, stderr=out) as server,
-    ):
-        try:
-            for _ in range(480):
-                assert server.poll() is None, log.read_text()
-                try:
-                    urllib.request.urlopen(f"{address}/lab", timeout=5).close()
-                    break
-                except OSError:
-                    time.sleep(0.25)
-            yield address
-        finally:
-            server.terminate()
+    environment = os.environ | folders | {"JUPYTER_CONFIG_DIR": str(root / "config")}
+    with answering(command, environment, f"http://127.0.0.1:{port}", root / "log") as address:
+        yield address
 
 
 class Bench:

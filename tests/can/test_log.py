@@ -452,6 +452,28 @@ def test_tables_of_loggers_are_read_without_python_can(tmp_path, monkeypatch, na
     assert bytes(savvy.data[1]) == b"\x01\x02\x03\x04\x05\x06\x07\xff"
 
 
+@pytest.mark.parametrize(
+    ("header", "frame"),
+    [
+        (";##########\n", "{}) {} 0123 {} {}\n"),
+        (";$FILEVERSION=1.1\n", "{}) {}.0 Rx 0123 {} {}\n"),
+        (";$FILEVERSION=1.3\n", "{}) {}.0 1 Rx 0123 - {} {}\n"),
+    ],
+    ids=["1.0", "1.1", "1.3"],
+)
+def test_bytes_beyond_the_length_code_of_an_old_trc_record_are_a_fault(tmp_path, header, frame):
+    pytest.importorskip("can")
+    full = " ".join(["AB"] * 8)
+    records = [(1, 100, 0, ""), (2, 200, 1, "01 02"), (3, 300, 8, full), (4, 400, 2, "01 02")]
+    path = tmp_path / "bus.trc"
+    path.write_text(header + "".join(frame.format(*record) for record in records))
+    log = read_log(path, keep=True)
+    line = 2 + header.count("\n")
+    why = "it has 2 bytes of data, but its data length code is 1"
+    assert log.faults == (f"line {line}: {why}",)
+    assert log.dlc.tolist() == [0, 8, 2]
+
+
 def test_a_trc_file_whose_header_lacks_its_columns_ends(tmp_path):
     pytest.importorskip("can")
     path = candump(tmp_path, TRC.format("").replace(";$COLUMNS", ";"))

@@ -478,6 +478,20 @@ def test_a_dbc_with_huge_numbers_is_refused_before_it_costs_time(length, bits, v
         parse_dbc(text, "hostile.dbc", 1.0, strict=False)
 
 
+@pytest.mark.parametrize(
+    ("count", "signals", "why"),
+    [
+        (16_385, "", "the number of messages is 16385; it must be at most 16384"),
+        (1, ' SG_ s : 0|14280@1+ (1,0) [0|8] "" A\n' * 281, "the length of all signals in bits"),
+    ],
+)
+def test_a_dbc_with_too_many_messages_or_wide_signals_is_refused(count, signals, why):
+    pytest.importorskip("cantools")
+    messages = "".join(f"BO_ {number} M{number}: 8 A\n{signals}" for number in range(count))
+    with pytest.raises(InputError, match=why):
+        parse_dbc(f"BU_: A\n{messages}", "hostile.dbc", 1.0, strict=False)
+
+
 def test_a_dbc_with_floats_and_multiplexers_is_read():
     pytest.importorskip("cantools")
     signals = ' SG_ Page M : 0|8@1+ (1,0) [0|1] "" A\n SG_ M m0 : 32|32@1- (1,0) [0|0] "m" A\n'

@@ -3,7 +3,7 @@ import pytest
 
 from shipnet.engine import plot
 from shipnet.engine.faults import DeadBox
-from shipnet.engine.run import SyntheticValues
+from shipnet.engine.run import Screen, SyntheticValues
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
@@ -30,6 +30,14 @@ def test_a_screen_marks_old_and_marked_values_by_text_too(ax, run, values, monke
     texts.clear()
     run.screen(16.0, values).plot(ax)
     assert texts.count("0xFF") == 18
+
+
+def test_a_screen_of_few_points_is_drawn_without_options(ax, run, values):
+    screen = run.screen(13.0, values)
+    screen = Screen(screen.time, screen.table().head(3))
+    assert len(screen.plot(ax).collections[0].get_paths()) == 3
+    with pytest.raises(ArgumentError, match="columns is 0"):
+        screen.plot(ax, columns=0)
 
 
 def test_an_empty_timeline_is_refused(ax, run):

@@ -3,7 +3,7 @@
 They know nothing of the program that wrote a text. FCL follows the production rules of the draft
 CD 1.0 as http://ffll.sourceforge.net/ffll_and_fcl.htm prints them, without local variables; ST has
 assignments, IF, expressions and the functions LIMIT, MAX, MIN and SEL. Both are stricter than most
-compilers: a keyword is no name, every name is declared once, and a REAL literal has a point.
+compilers: a keyword is not a name, every name is declared once, and a REAL literal has a point.
 """
 
 import operator

@@ -22,7 +22,7 @@ from nbformat.v4 import new_code_cell, new_notebook
 from shipnet import asi, ballast, design, engine, papers, parallel
 from shipnet import remote_control as rc
 from shipnet.errors import ArgumentError
-from tests.support import PATIENCE, require, two_workers
+from tests.support import PATIENCE, losing_a_worker, require, two_workers
 
 spread = partial(parallel.spread, step="tasks")
 
@@ -192,14 +192,7 @@ def test_dask_gives_the_same_bits_though_a_worker_is_killed(dask):
             pass
         return draw(task)
 
-    def stopped(function, tasks):
-        results = dask.get_executor(pure=False).map(function, tasks)
-        yield next(results)
-        killed.append(next(iter(dask.run(os.getpid).values())))
-        os.kill(killed[0], signal.SIGKILL)
-        yield from results
-
-    there = spread(slow, range(60), stopped)
+    there = spread(slow, range(60), losing_a_worker(dask, killed))
     assert [row for _, row in there] == [row for _, row in spread(draw, range(60))]
     assert killed
 

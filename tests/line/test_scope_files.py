@@ -300,6 +300,16 @@ def test_an_npz_archive_that_unpacks_to_too_much_is_refused(tmp_path):
     assert "it unpacks to 16777218 numbers; at most 16777216" in refused(tmp_path / "a.npz")
 
 
+def test_an_array_of_too_many_channels_is_refused(tmp_path):
+    for suffix, shape in ((".npz", (2, 1025)), (".npy", (1026, 1026))):
+        path, values = tmp_path / f"a{suffix}", np.zeros(shape)
+        np.savez(path, u=values, dt=1e-7) if suffix == ".npz" else np.save(path, values)
+        message = refused(path)
+        assert f"has the shape {shape}; expected" in message and "at most 1024 channels" in message
+    np.savez(tmp_path / "a.npz", u=np.zeros((2, 1024)), dt=1e-7)
+    assert Waveform.read(tmp_path / "a.npz", channel="u1023").u.tolist() == [0, 0]
+
+
 def test_only_the_wanted_channel_is_unpacked(save, tmp_path, monkeypatch):
     monkeypatch.setattr("shipnet.line.scope_file.MOST_NUMBERS", 2 * N)
     monkeypatch.setattr("shipnet.line.scope_file.MOST_PER_BYTE", 0)
