@@ -231,6 +231,7 @@ def _can(arguments: argparse.Namespace) -> Answer:
 
 
 def _modbus(arguments: argparse.Namespace) -> Answer:
+    from shipnet.modbus.electrical import check_rs485
     from shipnet.modbus.polling import scan
 
     if (arguments.table is None) == (arguments.slaves is None):
@@ -264,7 +265,25 @@ def _modbus(arguments: argparse.Namespace) -> Answer:
     if arguments.limit is not None:
         late = result.time > arguments.limit
         cases.append(("scan", f"{result.time:.3f} s exceeds {arguments.limit:g} s" * late, False))
-    return answer._replace(cases=cases)
+    if arguments.length is None:
+        return answer._replace(cases=cases)
+    serial = {row.unit: row.count for row in result.rows if not row.unit[0]}
+    line = check_rs485(
+        arguments.length,
+        arguments.bit_rate,
+        unit_loads=arguments.unit_loads or sum(serial.values()) + 1,
+        terminator=arguments.terminator or None,
+        bias=arguments.bias,
+        stub=arguments.stub,
+        rise_time=arguments.rise_time,
+    )
+    verdict = f"{answer.verdict}; RS-485: {line.verdict}"
+    text = f"{answer.text}\n\nRS-485: {line}"
+    ok = line.ok if result.ok is None or line.ok is False else result.ok
+    tables = {**answer.tables, "rs485": line.table()}
+    return answer._replace(
+        ok=ok, verdict=verdict, text=text, tables=tables, findings=line, cases=cases
+    )
 
 
 def _diagnose(arguments: argparse.Namespace) -> Answer:
