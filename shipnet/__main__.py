@@ -231,17 +231,21 @@ def _can(arguments: argparse.Namespace) -> Answer:
 
 
 def _modbus(arguments: argparse.Namespace) -> Answer:
-    from shipnet.modbus.electrical import check_rs485
+    from shipnet.modbus.electrical import Rs485
     from shipnet.modbus.polling import scan
 
     if (arguments.table is None) == (arguments.slaves is None):
         raise ArgumentError("give either a TABLE or --slaves and --registers")
+    loads, bias = arguments.unit_loads, arguments.bias
+    stub, rise = arguments.stub, arguments.rise_time
     names = ("registers", "bit_rate", "dead", "processing", "timeout", "retries", "limit")
     character = {"E": "8E1", "O": "8O1", "N": "8N2"}.get(arguments.character, arguments.character)
     options = {name: getattr(arguments, name) for name in names}
     result = scan(arguments.table or arguments.slaves, character=character, **options)
-    if arguments.junit and result.ok is None:
-        raise ArgumentError("--junit requires --limit or a table with wanted periods")
+    if arguments.junit and result.ok is None and arguments.length is None:
+        raise ArgumentError("--junit requires --limit, --length or a table with wanted periods")
+    if arguments.length is None and any((loads, bias, stub, rise)):
+        raise ArgumentError("--unit-loads, --bias, --stub and --rise-time require --length")
     numbers = {
         "scan_time": (result.time, "s"),
         "slave_time": (result.slave_time, "s"),
@@ -249,40 +253,28 @@ def _modbus(arguments: argparse.Namespace) -> Answer:
         "bus_time": (result.bus_time, "1"),
     }
     slaves = result.slaves().reset_index()
-    tables = {"slaves": slaves} if arguments.table else {}
-    reading = pd.DataFrame({"how the table was read": result.remarks})
-    answer = _answer(
-        result, numbers, **tables, bit_rates=result.table().reset_index(), reading=reading
-    )
-    cases = [
-        (
-            row.slave,
-            "" if row.met else f"{row.interval_ms:g} ms exceeds {row.wanted_ms:g} ms",
-            False,
-        )
-        for row in slaves[slaves["met"].notna()].itertuples()
-    ]
+    judged = slaves.loc[slaves["met"].notna(), ["slave", "met"]].to_numpy()
+    cases = [(str(name), "" if met else "updated too late", False) for name, met in judged]
     if arguments.limit is not None:
         late = result.time > arguments.limit
         cases.append(("scan", f"{result.time:.3f} s exceeds {arguments.limit:g} s" * late, False))
+    more: Any = {"slaves": slaves} if arguments.table else {}
+    more |= {"bit_rates": result.table().reset_index()}
+    more |= {"reading": pd.DataFrame({"how the table was read": result.remarks})}
+    answer = _answer(result, numbers, **more)._replace(cases=cases)
     if arguments.length is None:
-        return answer._replace(cases=cases)
-    serial = {row.unit: row.count for row in result.rows if not row.unit[0]}
-    line = check_rs485(
-        arguments.length,
-        arguments.bit_rate,
-        unit_loads=arguments.unit_loads or sum(serial.values()) + 1,
-        terminator=arguments.terminator or None,
-        bias=arguments.bias,
-        stub=arguments.stub,
-        rise_time=arguments.rise_time,
-    )
-    verdict = f"{answer.verdict}; RS-485: {line.verdict}"
-    text = f"{answer.text}\n\nRS-485: {line}"
-    ok = line.ok if result.ok is None or line.ok is False else result.ok
-    tables = {**answer.tables, "rs485": line.table()}
+        return answer
+    serial = {row.unit: row.number for row in result.rows if not row.unit[0]}
+    loads = sum(serial.values()) + 1 if loads is None else loads
+    ends = arguments.terminator or None
+    line = Rs485(arguments.length, arguments.bit_rate, loads, ends, bias, stub, rise)
+    found = line.check()
     return answer._replace(
-        ok=ok, verdict=verdict, text=text, tables=tables, findings=line, cases=cases
+        ok=found.ok if result.ok is None or found.ok is False else result.ok,
+        verdict=f"{answer.verdict}; RS-485: {found.verdict}",
+        text=f"{answer.text}\n\nRS-485: {found}",
+        tables={**answer.tables, "rs485": found.table()},
+        findings=found,
     )
 
 

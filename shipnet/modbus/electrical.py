@@ -1,4 +1,4 @@
-"""RS-232, RS-422 and RS-485: their limits, and which of them fit a line.
+"""RS-232, RS-422 and RS-485: their limits, which of them fit a line, and a check of RS-485.
 
 The tables of several manufacturers agree on the limits. The standards themselves limit the
 capacitance of an RS-232 line (2500 pF), not its length; for RS-485 they limit neither.
@@ -7,14 +7,14 @@ capacitance of an RS-232 line (2500 pF), not its length; for RS-485 they limit n
 from __future__ import annotations
 
 from math import ceil, inf, nan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from shipnet import datasets
 from shipnet.answers import COLUMNS, Findings
 from shipnet.arrays import Complexes
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_fields, check_scalar, check_whole, number, record
 from shipnet.lazy import pd
 from shipnet.line.cable import Cable
 from shipnet.line.network import CableRun, Load, Network
@@ -112,148 +112,122 @@ def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-#: A cable of AWG 26, the thinnest that the Modbus guide allows for 1000 m: 133.9 ohm/km per wire at
-#: 20 degC (ASTM B258), with the characteristic impedance and delay of the catalogue's "rs-485".
-AWG_26 = Cable(2 * 0.1339, 120 * 5e-9, 5e-9 / 120)
+#: The thinnest cable that the Modbus guide allows for 1000 m, AWG 26: 133.9 ohm/km per wire at 20
+#: degC (ASTM B258), with the 120 ohm and 5 ns/m of the catalogue's "rs-485".
+_CABLE = Cable(2 * 0.1339, 120 * 5e-9, 5e-9 / 120)
 
-#: Resistance between the wires of one unit load, which has 12 kohm from each to ground; resistance
-#: of the weakest driver, which gives 1.5 V at 54 ohm (TIA-485-A), and its open-circuit voltage [V].
-_UNIT_LOAD, _SOURCE = 24e3, 27.0
+#: Resistance between the wires of one unit load, which has 12 kohm from each to ground; that of the
+#: weakest driver, which gives 1.5 V at 54 ohm (TIA-485-A), and its open-circuit voltage [V]; and
+#: the lowest voltage of the bias, 5 V less 5 %.
+_UNIT_LOAD, _SOURCE, _BIAS_SUPPLY = 24e3, 27.0, 4.75
 _DRIVER = 1.5 * (54 + _SOURCE) / 54
 
-#: Lowest bias supply, 5 V less 5 %, and what the eye is computed from: bits, samples per bit, and
-#: the least ratio of edge to bit, which bounds the work.
-_BIAS_SUPPLY, _BITS, _SAMPLES, _EDGE = 4.75, 12, 64, 0.01
+#: Bits and samples per bit from which the eye is computed, and the fastest edge in bits.
+_BITS, _SAMPLES, _EDGE = 12, 64, 0.01
 
 
-def rs485_line(
-    length: float, unit_loads: float, terminator: float | None, bias: float | None, stub: float
-) -> tuple[Network, dict[str, float]]:
-    """Return a trunk with a driver at node t0, and the distances of its receivers [m]."""
-    taps = max(2, min(32, ceil(unit_loads)))
-    step = length / (taps - 1)
-    runs = [CableRun(f"t{k}", f"t{k + 1}", step, AWG_26) for k in range(taps - 1)]
-    runs += [CableRun(f"t{k}", f"s{k}", stub, AWG_26) for k in range(1, taps) if stub]
-    receivers = {f"{'s' if stub else 't'}{k}": k * step + stub for k in range(1, taps)}
-    loads = dict.fromkeys(["t0", *receivers], Load(r=_UNIT_LOAD * taps / unit_loads))
-    ends = [(node, terminator) for node in ("t0", f"t{taps - 1}")]
-    for node, r in [*ends, ("t0", bias and 2 * bias)]:
-        if r:
-            loads[node] = loads[node] + Load(r=r) if node in loads else Load(r=r)
-    return Network(runs, loads), receivers
+def _resistance(help: str, **default: Any) -> Any:
+    return number(1, 1e6, "ohm", help, optional=True, **default)
 
 
-def least_eye(
-    line: Network, receivers: dict[str, float], bit_rate: float, rise_time: float
-) -> float:
-    """Return the least voltage of a bit's middle after the worst bits, at any receiver [V].
+@record
+class Rs485:
+    """A two-wire RS-485 line of AWG 26 with 120 ohm and 5 ns/m, whose devices are spread evenly.
 
-    The weakest driver sends from node t0. Of the response to a step, sampled once per bit, the
-    first sample is the bit's own, and each change to the next one is added by an earlier bit.
-    """
-    bit = 1 / bit_rate
-    edge = max(rise_time, _EDGE * bit)
-    driven = Network(line.runs, line.loads | {"t0": line.loads["t0"] + Load(r=_SOURCE)})
-    rows = [line.index(node) for node in receivers]
-
-    def spectrum(s: Complexes) -> Complexes:
-        x = s * edge / 2  # a raised-cosine edge
-        step = -np.expm1(-2 * x) / (2 * x) / (1 + (x / np.pi) ** 2) / s
-        return driven.transfer("t0", s)[rows] * step * _DRIVER / _SOURCE
-
-    longest = max(receivers.values()) * AWG_26.delay
-    count = ceil((_BITS * bit + longest + edge) / bit * _SAMPLES)
-    v = record_of(spectrum, count, bit / _SAMPLES, 3 / edge)
-    eyes = []
-    for wave, metres in zip(v, receivers.values(), strict=True):
-        at = metres * AWG_26.delay + edge / 2 + (0.5 + np.arange(_BITS)) * bit
-        own = np.interp(at, np.arange(count) * bit / _SAMPLES, wave)
-        eyes.append(own[0] - abs(np.diff(own)).sum())
-    return float(min(eyes))
-
-
-def check_rs485(
-    length: float,
-    bit_rate: float,
-    *,
-    unit_loads: float = 32.0,
-    terminator: float | None = 120.0,
-    bias: float | None = None,
-    stub: float = 0.0,
-    rise_time: float | None = None,
-) -> Findings:
-    """Check a two-wire RS-485 line by a line model and, beside it, by rules of thumb.
-
-    Parameters
-    ----------
-    length : float
-        Length of the trunk, 0.1..10000 [m].
-    bit_rate : float
-        300..10e6 [bit/s].
-    unit_loads : float, default 32
-        Sum of the unit loads of all devices, 0.125..256; they are spread evenly.
-    terminator : float, optional
-        Resistor at each end, 1..1e6 [ohm], by default 120; None leaves the ends open.
-    bias : float, optional
-        Each of the two bias resistors, at the master, 1..1e6 [ohm]; None if there are none.
-    stub : float, default 0
-        Length of each device's stub, 0..1000 [m].
-    rise_time : float, optional
-        Rise time of the drivers, 1e-9..1e-3 [s]. The model takes at least 1/100 of a bit.
-
-    Returns
-    -------
-    Findings
-        The checks, each with value, limit, margin and source. Without bias, the idle voltage is not
-        verified: receivers may have a fail-safe of their own.
-
-    Notes
-    -----
-    The cable is AWG 26 with 120 ohm and 5 ns/m. The driver, at one end, gives 1.5 V at 54 ohm.
+    The master is at one end. The drivers give 1.5 V at 54 ohm.
 
     Examples
     --------
-    The bias of a short line would be enough, but the cable's resistance takes a quarter of it:
+    The resistance of the cable takes over a quarter of the idle voltage:
 
-    >>> check_rs485(300, 19200, unit_loads=24, bias=560, stub=2, rise_time=200e-9).broken
+    >>> line = Rs485(300, 19200, unit_loads=24, bias=560, stub=2, rise_time=200e-9)
+    >>> line.check().broken
     ['idle voltage: 0.1661 V at receiver, at least 0.2 V (1 violated)']
     """
-    check_scalar("length", length, "m", 0.1, 1e4)
-    check_scalar("bit_rate", bit_rate, "bit/s", 300, 10e6)
-    check_scalar("unit_loads", unit_loads, "", 0.125, 256)
-    check_scalar("stub", stub, "m", 0, 1e3)
-    for name, value in (("terminator", terminator), ("bias", bias)):
-        if value is not None:
-            check_scalar(name, value, "ohm", 1, 1e6)
-    if rise_time is not None:
-        check_scalar("rise_time", rise_time, "s", 1e-9, 1e-3)
-    rs485 = INTERFACES["RS-485"]
-    line, receivers = rs485_line(length, unit_loads, terminator, bias, stub)
-    z = line.transfer("t0", [1.0])[:, 0].real  # at 1 rad/s, a line is as at direct current
-    values = {
-        "length": (length, nan),
-        "length_at_bit_rate": (length, min(rs485.length, rs485.product / bit_rate)),
-        "unit_loads_with_bias" if bias else "unit_loads": (unit_loads, nan),
-        "terminator": (terminator or inf, nan),
-        "stub": (stub, nan),
-        "driver_load": (z[line.index("t0")], nan),
-        "idle_voltage": (nan, nan),
-        "eye": (least_eye(line, receivers, bit_rate, rise_time or 0.0), nan),
-    }
-    if bias:
-        idle = _BIAS_SUPPLY / (2 * bias) * min(z[line.index(node)] for node in receivers)
-        loads = 4 / (terminator or inf) + 2 * unit_loads / _UNIT_LOAD + 1 / bias
-        values |= {"bias": (bias, nan), "idle_voltage": (idle, nan)}
-        values["idle_voltage_of_short_line"] = _BIAS_SUPPLY / bias / loads, nan
-    if stub:
-        longest = nan if rise_time is None else rise_time / 10 / AWG_26.delay
-        values["stub_of_rise_time"] = (stub if rise_time else nan), longest
-    rules = datasets.read("modbus_rs485_rules.csv").set_index("rule").loc[[*values]].reset_index()
-    rules["value"], own = np.array([*values.values()], dtype=float).T
-    rules[["low", "high"]] = rules[["low", "high"]].apply(pd.to_numeric)
-    rules["high"] = rules["high"].fillna(pd.Series(own))
-    missed = (rules["value"] < rules["low"]) | (rules["value"] > rules["high"])
-    rules["verdict"] = np.where(
-        missed, "violated", np.where(rules["value"].isna(), "not verified", "met")
+
+    length: float = number(0.1, 1e4, "m", "Length of the trunk")
+    bit_rate: float = number(300, 10e6, "bit/s", "Bit rate")
+    unit_loads: float = number(0.125, 256, "", "Unit loads of all devices together", default=32.0)
+    terminator: float | None = _resistance("Resistor at each end; None if open", default=120.0)
+    bias: float | None = _resistance("Each of two bias resistors at the master", default=None)
+    stub: float = number(0, 1e3, "m", "Length of each device's stub", default=0.0)
+    rise_time: float | None = number(
+        1e-9, 1e-3, "s", "Rise time of the drivers", default=None, optional=True
     )
-    return Findings(rules.rename(columns={"note": "why"})[[*COLUMNS]])
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    def network(self) -> tuple[Network, dict[str, float]]:
+        """Return the line with the master at node t0, and the receivers' distances from it [m]."""
+        taps = max(2, min(32, ceil(self.unit_loads)))
+        step = self.length / (taps - 1)
+        runs = [CableRun(f"t{k - 1}", f"t{k}", step, _CABLE) for k in range(1, taps)]
+        if self.stub:
+            runs += [CableRun(f"t{k}", f"s{k}", self.stub, _CABLE) for k in range(1, taps)]
+        receivers = {runs[k - taps].b: k * step + self.stub for k in range(1, taps)}
+        loads = dict.fromkeys(["t0", *receivers], Load(r=_UNIT_LOAD * taps / self.unit_loads))
+        ends = [("t0", self.terminator), (f"t{taps - 1}", self.terminator)]
+        for node, r in [*ends, ("t0", self.bias and 2 * self.bias)]:
+            if r:
+                loads[node] = loads[node] + Load(r=r) if node in loads else Load(r=r)
+        return Network(runs, loads), receivers
+
+    def eye(self) -> float:
+        """Return the least voltage in the middle of a bit after the worst bits at a receiver [V].
+
+        Of the response to a step, sampled once per bit, the first sample is due to the bit itself,
+        and the change to each further one to an earlier bit. Edges last at least 1/100 of a bit.
+        """
+        network, receivers = self.network()
+        loads = network.loads | {"t0": network.loads["t0"] + Load(r=_SOURCE)}
+        driven, rows = Network(network.runs, loads), [network.index(node) for node in receivers]
+        edge = max(self.rise_time or 0.0, _EDGE / self.bit_rate)
+
+        def spectrum(s: Complexes) -> Complexes:
+            x = s * edge / 2  # a raised-cosine edge
+            step = -np.expm1(-2 * x) / (2 * x) / (1 + (x / np.pi) ** 2) / s
+            return driven.transfer("t0", s)[rows] * step * _DRIVER / _SOURCE
+
+        delays, dt = np.array([*receivers.values()]) * _CABLE.delay, 1 / self.bit_rate / _SAMPLES
+        count = _BITS * _SAMPLES + ceil((delays.max() + edge) / dt)
+        middle = edge / 2 + (np.arange(_BITS) + 0.5) / self.bit_rate
+        waves = record_of(spectrum, count, dt, 3 / edge)
+        pairs = zip(delays, waves, strict=True)
+        bits = np.array([np.interp(late + middle, dt * np.arange(count), v) for late, v in pairs])
+        return float((bits[:, 0] - abs(np.diff(bits)).sum(axis=1)).min())
+
+    def check(self) -> Findings:
+        """Check the line by the line model and, beside it, by rules of thumb.
+
+        Without bias, the idle voltage is not verified: receivers may have a fail-safe of their own.
+        """
+        network, receivers = self.network()
+        z = network.transfer("t0", [1.0])[:, 0].real  # 1 rad/s is as good as direct current
+        limits = INTERFACES["RS-485"]
+        values: dict[str, tuple[float, float]] = {
+            "length": (self.length, nan),
+            "length_at_bit_rate": (self.length, min(limits.length, limits.product / self.bit_rate)),
+            "unit_loads_with_bias" if self.bias else "unit_loads": (self.unit_loads, nan),
+            "terminator": (self.terminator or inf, nan),
+            "stub": (self.stub, nan),
+            "driver_load": (z[network.index("t0")], nan),
+            "idle_voltage": (nan, nan),
+            "eye": (self.eye(), nan),
+        }
+        if self.bias:
+            idle = _BIAS_SUPPLY / (2 * self.bias) * min(z[network.index(one)] for one in receivers)
+            load = 4 / (self.terminator or inf) + 2 * self.unit_loads / _UNIT_LOAD + 1 / self.bias
+            values |= {"bias": (self.bias, nan), "idle_voltage": (idle, nan)}
+            values["idle_voltage_of_short_line"] = _BIAS_SUPPLY / self.bias / load, nan
+        if self.stub:
+            longest = float((self.rise_time or nan) / 10 / _CABLE.delay)
+            values["stub_of_rise_time"] = (self.stub if self.rise_time else nan), longest
+        rules = datasets.read("modbus_rs485_rules.csv").set_index("rule").loc[[*values]]
+        rules["value"], own = np.array([*values.values()], dtype=float).T
+        rules[["low", "high"]] = rules[["low", "high"]].apply(pd.to_numeric)
+        rules["high"] = rules["high"].where(np.isnan(own), own)
+        beyond = (rules["value"] < rules["low"]) | (rules["value"] > rules["high"])
+        rules["verdict"] = np.where(rules["value"].isna(), "not verified", "met")
+        rules.loc[beyond, "verdict"] = "violated"
+        return Findings(rules.reset_index().rename(columns={"note": "why"})[[*COLUMNS]])

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from math import ceil, floor, inf, log2
+from math import ceil, floor, inf, log2, nan
 from operator import truediv
 from os import PathLike
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -152,31 +152,20 @@ class Polled(NamedTuple):
 
     polls: tuple[Poll, ...]
     dead: bool = False
-    count: int = 1
+    number: int = 1
     name: str = ""  # only of a row of a table
     unit: tuple[str, int] = ("", 0)  # host and address
-    period: float | None = None  # wanted time between two updates [s]
+    period: float = inf  # wanted time between two updates; infinite if none is, or if dead [s]
 
     @property
     def times(self) -> tuple[float, float]:
         """Time of the requests to one slave, if it answers and if it is dead [s]."""
         return sum(p.time for p in self.polls), sum(p.timeout_time for p in self.polls)
 
-    @property
-    def wanted(self) -> float:
-        """Longest time allowed between two updates [s]; infinite if none is, or if it is dead."""
-        return inf if self.dead or self.period is None else self.period
 
-
-class Order(NamedTuple):
-    """An order in which each row is polled in one of `every` cycles, and when: from cycle `first`.
-
-    `interval` is the longest time between two polls of a row [s].
-    """
-
-    every: list[int]
-    first: list[int]
-    interval: list[float]
+#: An order of rows: that each is polled in one of so many cycles, in which first, and the longest
+#: time between two of its polls [s].
+Order: TypeAlias = tuple[list[int], list[int], list[float]]
 
 
 def spread(rows: Sequence[Polled], every: list[int]) -> Order:
@@ -191,9 +180,9 @@ def spread(rows: Sequence[Polled], every: list[int]) -> Order:
     for cycle in range(len(load)):
         for k in (k for k in order if cycle % every[k] == first[k]):
             begins[k].append(now)
-            now += rows[k].count * times[k]
+            now += rows[k].number * times[k]
     gaps = [[b - a for a, b in pairwise([*one, one[0] + now])] for one in begins]
-    return Order(every, first, [max(one) for one in gaps])
+    return every, first, [max(one) for one in gaps]
 
 
 def best_order(rows: Sequence[Polled]) -> Order:
@@ -203,14 +192,14 @@ def best_order(rows: Sequence[Polled]) -> Order:
     in its period: S. Chan and F. Chin, IEEE Trans. Computers 41 (1992) 755-761. All lengths that
     change one of these numbers are tried. A row without a period counts as the slowest.
     """
-    periods = [row.wanted for row in rows]
+    periods = [row.period for row in rows]
     known = [period for period in periods if period < inf] or [1.0]
     options = [[1] * len(rows)]
     for base in {period / 2 ** ceil(log2(period / min(known))) for period in known}:
         fit = [floor(log2(min(period, max(known)) / base) + 1e-9) for period in periods]
         options.append([2 ** min(one, 6) for one in fit])
     orders = [spread(rows, every) for every in options]
-    return min(orders, key=lambda one: max(map(truediv, one.interval, periods)))
+    return min(orders, key=lambda one: max(map(truediv, one[2], periods)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -242,12 +231,12 @@ class Scan:
     @property
     def n_slaves(self) -> int:
         """Number of slaves, including dead ones."""
-        return sum({row.unit: row.count for row in self.rows}.values())
+        return sum({row.unit: row.number for row in self.rows}.values())
 
     @property
     def dead(self) -> int:
         """Number of dead slaves."""
-        return sum({row.unit: row.count for row in self.rows if row.dead}.values())
+        return sum({row.unit: row.number for row in self.rows if row.dead}.values())
 
     @property
     def bit_rate(self) -> float:
@@ -257,7 +246,7 @@ class Scan:
     @property
     def time(self) -> float:
         """Time of the scan [s]."""
-        return sum(row.count * row.times[row.dead] for row in self.rows)
+        return sum(row.number * row.times[row.dead] for row in self.rows)
 
     @property
     def slave_time(self) -> float:
@@ -279,7 +268,7 @@ class Scan:
     def bus_time(self) -> float:
         """Fraction of the scan time during which bytes are on the line, 0..1."""
         busy = (
-            p._busy_time(row.count, row.count * row.dead) for row in self.rows for p in row.polls
+            p._busy_time(row.number, row.number * row.dead) for row in self.rows for p in row.polls
         )
         return sum(busy) / self.time
 
@@ -294,7 +283,7 @@ class Scan:
     def ok(self) -> bool | None:
         """Whether limit and wanted periods are met, these in the best order; None without any."""
         met = [] if self.limit is None else [self.time <= self.limit]
-        if any(row.period for row in self.rows):
+        if any(row.period < inf for row in self.rows):
             met += [bool(self.slaves()["met"].dropna().all())]
         return all(met) if met else None
 
@@ -314,7 +303,7 @@ class Scan:
         more = f" at a processing time of {1e3 * self.polls[0].processing:g} ms"
         if self.rows[0].name:
             met = self.slaves()["met"].dropna()
-            late = sum(self.time > row.wanted for row in self.rows)
+            late = sum(self.time > row.period for row in self.rows)
             more = f", {late} of {len(met)} rows too late" * (late > 0)
             more += f", {len(met) - sum(met)} in the best order" * (late > 0)
         scanned = f"{self.n_slaves} slaves{dead}: {self.time:.3f} s{more}"
@@ -336,15 +325,15 @@ class Scan:
         order, rows = best_order(self.rows), []
         for row, *place in zip(self.rows, *order, strict=True):
             (alive, dead), new = row.times, max(poll.shortest_timeout for poll in row.polls)
-            ages = (np.nan, np.nan) if row.dead else (new, self.time + new)
-            ms = 1e3 * np.array([alive, dead - alive, *ages, row.period or np.nan, place[2]])
+            ages = (nan, nan) if row.dead else (new, self.time + new)
+            ms = 1e3 * np.array([alive, dead - alive, *ages, row.period, place[2]])
             # The margin allows for rounding if a period is a whole number of transactions.
-            met = None if row.wanted == inf else place[2] <= row.wanted * (1 + 1e-9)
+            met = None if row.period == inf else place[2] <= row.period * (1 + 1e-9)
             name, (host, unit) = row.name or "each", row.unit
             rows.append((name, unit, host, *ms[:5], place[0], place[1] + 1, ms[5], met))
         columns = "slave address host time_ms dead_adds_ms age_best_ms age_worst_ms wanted_ms"
         columns += " every first interval_ms met"
-        return pd.DataFrame(rows, columns=columns.split()).set_index("slave")
+        return pd.DataFrame(rows, columns=columns.split()).set_index("slave").replace(inf, nan)
 
     def table(self) -> pd.DataFrame:
         """Return one row per bit rate (common ones and the scan's own), indexed by ``bit_rate``.
@@ -433,7 +422,7 @@ def _read_rows(path: str | PathLike[str], default: Poll) -> tuple[list[Polled], 
     for one in table:
         name = one["device"]
         if names.count(name) > 1:
-            name += f", function {one['function']:d}, register {one['register']}"
+            name += f" FC{one['function']:d} {one['register']}"
         own = {"timeout": one["timeout"], "retries": one["retries"], "processing": one["delay"]}
         own = {key: value for key, value in own.items() if value is not None}
         own["line"] = TcpLink(default.line.bit_rate) if one["host"] else default.line
@@ -444,7 +433,8 @@ def _read_rows(path: str | PathLike[str], default: Poll) -> tuple[list[Polled], 
             faults.append(f"row {one['row']}: {error}")
             continue
         unit = (one["host"], one["address"])
-        rows.append(Polled(polls, bool(one["dead"]), 1, name, unit, one["period"]))
+        period = inf if one["dead"] else one["period"] or inf
+        rows.append(Polled(polls, bool(one["dead"]), 1, name, unit, period))
     if faults:
         raise InputError(str(path), *faults)
     return rows, remarks
@@ -535,4 +525,4 @@ def scan(
     silent = check_whole("dead", dead, 0, n_slaves)
     polls = tuple(Poll(one, line, processing, timeout, retries) for one in _requests(3, 0, count))
     rows = [Polled(polls, False, n_slaves - silent), Polled(polls, True, silent, unit=("", 1))]
-    return Scan(tuple(row for row in rows if row.count), limit)
+    return Scan(tuple(row for row in rows if row.number), limit)

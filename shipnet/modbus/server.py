@@ -237,7 +237,7 @@ def serve(
     check_choice("transport", transport, get_args(Transport))
     rtu = transport == "rtu"
     if isinstance(devices, str | PathLike):
-        devices = {**read_slaves(devices)}
+        devices = read_slaves(devices)
     if not devices:
         raise ArgumentError("devices is empty; it must contain at least one device")
     slaves = {}

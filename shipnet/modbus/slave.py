@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from itertools import cycle
 from os import PathLike
 from typing import Any, Literal, NamedTuple, Protocol, get_args, runtime_checkable
@@ -133,30 +134,6 @@ class Registers:
                 if not low <= new[item] <= high:
                     raise DeviceError(ExceptionCode.ILLEGAL_DATA_VALUE)
         memory.update(new)
-
-
-class _Listed(Registers):
-    """Registers of a table, of which `refused` maps some to an exception.
-
-    Its keys are a kind of data, whether it is written, and an address.
-    """
-
-    def __init__(self, refused: Mapping[tuple[Table, bool, int], int], **tables: _Values) -> None:
-        super().__init__(**tables)
-        self.refused = refused
-
-    def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
-        self._refuse(table, False, range(address, address + quantity))
-        return super().read(table, address, quantity, time)
-
-    def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        self._refuse(table, True, range(address, address + len(values)))
-        super().write(table, address, values, time)
-
-    def _refuse(self, table: Table, written: bool, addresses: range) -> None:
-        for one in addresses:
-            if (table, written, one) in self.refused:
-                raise DeviceError(self.refused[table, written, one])
 
 
 class Answer(NamedTuple):
@@ -296,35 +273,45 @@ class Slave:
         return Response(function, exception=exception).pdu
 
 
-def read_slaves(path: str | PathLike[str]) -> dict[int, Slave]:
+class _Listed(Slave):
+    """A slave of a table; `refused` contains exceptions by function code and address."""
+
+    __slots__ = ("refused",)
+    refused: Mapping[tuple[int, int], ExceptionCode]
+
+    def answer(self, request: Request | bytes, time: float = 0.0) -> bytes:
+        with suppress(FrameError):
+            one = request if isinstance(request, Request) else Request.parse(request)
+            for address in range(one.address, one.address + one.quantity):
+                if not self.silent and (code := self.refused.get((one.function, address))):
+                    return Response(one.function, exception=code).pdu
+        return super().answer(request, time)
+
+
+def read_slaves(path: str | PathLike[str]) -> Mapping[int, Slave]:
     """Return the slaves of a table by unit id; each serves only the functions of its rows."""
     rows_of: dict[int, list[dict[str, Any]]] = {}
     for row in read_devices(path)[0]:
         rows_of.setdefault(row["address"] % _SERVER_ITSELF, []).append(row)
-    slaves = {}
+    slaves = dict[int, _Listed]()
     for unit, rows in rows_of.items():
         if len({row["host"] for row in rows}) > 1:
             raise InputError(str(path), f"address {unit} belongs to several hosts; serve one")
-        tables: dict[Table, dict[int, int]] = {name: {} for name in get_args(Table)}
-        refused: dict[tuple[Table, bool, int], int] = {}
+        tables: dict[str, dict[int, int]] = {name: {} for name in get_args(Table)}
+        refused: dict[tuple[int, int], ExceptionCode] = {}
         # Rows with values come last, so that another function on the same registers keeps them.
         for row in sorted(rows, key=lambda row: row["values"] is not None):
-            function, addresses = (
-                row["function"],
-                range(row["register"], row["register"] + row["registers"]),
-            )
-            table = _READ.get(function) or ("coils" if function in (5, 15) else "holding_registers")
-            tables[table] |= zip(addresses, cycle(row["values"] or [0]))
+            code, first = row["function"], row["register"]
+            name = _READ.get(code) or ("coils" if code in (5, 15) else "holding_registers")
+            addresses = range(first, first + row["registers"])
+            tables[name] |= zip(addresses, cycle(row["values"] or [0]))
             if row["exception"]:
-                keys = ((table, function in _WRITES, one) for one in addresses)
-                refused |= dict.fromkeys(keys, row["exception"])
-        device = _Listed(refused, **tables)
-        slaves[unit] = Slave(
-            device,
-            functions={row["function"] for row in rows},
-            delay=max(row["delay"] or 0.0 for row in rows),
-            silent=any(row["dead"] for row in rows),
-        )
+                refused |= dict.fromkeys(((code, one) for one in addresses), row["exception"])
+        functions, silent = {row["function"] for row in rows}, any(row["dead"] for row in rows)
+        delay = max(row["delay"] or 0.0 for row in rows)
+        device = Registers(limits=None, **tables)
+        slaves[unit] = _Listed(device, functions=functions, delay=delay, silent=silent)
+        slaves[unit].refused = refused
     return slaves
 
 
