@@ -189,7 +189,7 @@ def best_order(rows: Sequence[Polled]) -> Order:
     """Return the order in which the largest ratio of interval to wanted period is smallest.
 
     A row is polled in every 1st, 2nd, 4th, ... or 64th cycle, as often as cycles of some length fit
-    in its period: S. Chan and F. Chin, IEEE Trans. Computers 41 (1992) 755-761. All lengths that
+    in its period: S. Chan and F. Chin, IEEE Trans. Computers 41 (1992) 755. All lengths that
     change one of these numbers are tried. A row without a period counts as the slowest.
     """
     periods = [row.period for row in rows]
