@@ -203,7 +203,7 @@ class Rs485:
         Without bias, the idle voltage is not verified: receivers may have a fail-safe of their own.
         """
         network, receivers = self.network()
-        z = network.transfer("t0", [1.0])[:, 0].real  # 1 rad/s is as good as direct current
+        z = network.transfer("t0", [1e-6])[:, 0].real  # as at direct current
         limits = INTERFACES["RS-485"]
         values: dict[str, tuple[float, float]] = {
             "length": (self.length, nan),
