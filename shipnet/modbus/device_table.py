@@ -68,6 +68,8 @@ _READ: dict[str, tuple[Callable[[str], Any], str]] = {
 
 
 class _Devices(Cells):
+    """The cells of a table."""
+
     words = Words(
         {word: column for column, all_ in _TITLES.items() for word in all_.split()},
         dict.fromkeys(_NUMBERS, "") | dict.fromkeys(_TIMES, "s"),
@@ -96,7 +98,7 @@ def read_devices(path: str | PathLike[str]) -> tuple[list[dict[str, Any]], tuple
     columns |= {name: cells[name] for name in ("device", "host")} | {"row": cells.rows}
     above = np.array([(value or 0) > 30000 for value in columns["register"]])
     cells.doubt("registers are addresses on the wire; 40001 of a manual has address 0", above)
-    lines, taken = zip(*columns.values(), strict=True), dict[Any, int]()
+    lines, taken = zip(*columns.values(), strict=True), dict[Any, str]()
     rows = [dict(zip(columns, line, strict=True)) for line in lines]
     for index, row in enumerate(rows):
         for name in _NEEDED:
@@ -107,10 +109,11 @@ def read_devices(path: str | PathLike[str]) -> tuple[list[dict[str, Any]], tuple
             cells.wrong([index], "address", _SERIAL)
         row["function"] = row["function"] or FunctionCode.READ_HOLDING_REGISTERS
         row["device"] = row["device"] or f"{row['host'] or 'unit'} {row['address']}"
-        key = [row[name] for name in ("host", "address", "function", "register")]
-        first = taken.setdefault(tuple(key), row["row"])
-        if first != row["row"]:
-            cells.fault(index, "address", f": row {first} has the same address and register")
+        unit, block = (row["host"], row["address"]), (row["function"], row["register"])
+        for key, mine in ((unit, row["device"]), (unit + block, f"row {row['row']}")):
+            if taken.setdefault(key, mine) != mine:
+                what = "address" if key == unit else "address, function and register"
+                cells.fault(index, "address", f": the same {what} as {taken[key]}")
         if index not in cells.faulty and row["register"] + row["registers"] > 1 << 16:
             cells.wrong([index], "registers", "at most 65535 for the last register")
         if row["values"] and len(row["values"]) not in (1, row["registers"]):

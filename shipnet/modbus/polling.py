@@ -190,7 +190,8 @@ def best_order(rows: Sequence[Polled]) -> Order:
 
     A row is polled in every 1st, 2nd, 4th, ... or 64th cycle, as often as cycles of some length fit
     in its period: S. Chan and F. Chin, IEEE Trans. Computers 41 (1992) 755. All lengths that
-    change one of these numbers are tried. A row without a period counts as the slowest.
+    change one of these numbers are tried. A row without a period counts as the slowest. If the rows
+    cannot be polled as often as wanted, another sequence may be better by some 15 %.
     """
     periods = [row.period for row in rows]
     known = [period for period in periods if period < inf] or [1.0]

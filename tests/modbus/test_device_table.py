@@ -207,7 +207,11 @@ def test_a_device_over_tcp_needs_no_bit_rate(table):
         ("a,1,0,1,,,,101,,,", r"'101'; expected a whole number 0\.\.100"),
         ("a,1,0,1,,,,,perhaps,,", "expected yes or no"),
         ("a,1,0,1,,,,,,10.0.0.1,", "expected the latency of a device over TCP"),
-        ("a,1,0,1,,,,,,,\nb,1,0,5,,,,,,,", "row 3: row 2 has the same address and register"),
+        (
+            "a,1,0,1,,,,,,,\na,1,0,5,,,,,,,",
+            "row 3: the same address, function and register as row 2",
+        ),
+        ("a,1,0,1,,,,,,,\nb,1,9,5,,,,,,,", "row 3: the same address as a"),
     ],
 )
 def test_faults_of_a_table_name_row_column_and_legal_values(table, rows, message):
