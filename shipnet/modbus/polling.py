@@ -376,7 +376,7 @@ class Scan:
 
     def _plot_ages(self, ax: Axes) -> Axes:
         rows, x = self.slaves(), np.arange(1, len(self.rows) + 1)
-        ax.vlines(x, rows["age_best_ms"], rows["age_worst_ms"], color="C0", lw=3, label="age")
+        ax.vlines(x, rows["age_best_ms"], rows["age_worst_ms"], color="C0", lw=3, label="age, polled as listed")
         for interval, look, label in (
             ("interval_ms", {"marker": "o", "mfc": "white"}, "oldest in the best order"),
             ("wanted_ms", {"marker": "_", "color": style.LIMIT["color"], "mew": 2}, "wanted"),
