@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from math import ceil, floor, inf, log2, nan
+from math import floor, inf, log2, nan
 from operator import truediv
 from os import PathLike
 from typing import NamedTuple, TypeAlias
@@ -168,38 +168,38 @@ class Polled(NamedTuple):
 Order: TypeAlias = tuple[list[int], list[int], list[float]]
 
 
-def spread(rows: Sequence[Polled], every: list[int]) -> Order:
-    """Return the order that polls each row, the longest first, in the shortest cycles."""
-    first, load = [0] * len(rows), np.zeros(max(every))
-    times = [row.times[row.dead] for row in rows]
-    order = sorted(range(len(rows)), key=lambda k: (every[k], -times[k]))
+def spread(times: Sequence[float], every: Sequence[int]) -> Order:
+    """Return the order in which rows of these times [s] are spread, the longest first."""
+    first, load = [0] * len(times), np.zeros(max(every))
+    order = sorted(range(len(times)), key=lambda k: (every[k], -times[k]))
     for k in order:
-        first[k] = min(range(every[k]), key=lambda cycle: float(load[cycle :: every[k]].max()))
+        first[k] = int(load.reshape(-1, every[k]).max(axis=0).argmin())
         load[first[k] :: every[k]] += times[k]
-    now, begins = 0.0, [list[float]() for _ in rows]
+    now, begins = 0.0, [list[float]() for _ in times]
     for cycle in range(len(load)):
         for k in (k for k in order if cycle % every[k] == first[k]):
             begins[k].append(now)
-            now += rows[k].number * times[k]
+            now += times[k]
     gaps = [[b - a for a, b in pairwise([*one, one[0] + now])] for one in begins]
-    return every, first, [max(one) for one in gaps]
+    return [*every], first, [max(one) for one in gaps]
 
 
 def best_order(rows: Sequence[Polled]) -> Order:
     """Return the order in which the largest ratio of interval to wanted period is smallest.
 
     A row is polled in every 1st, 2nd, 4th, ... or 64th cycle, as often as cycles of some length fit
-    in its period: S. Chan and F. Chin, IEEE Trans. Computers 41 (1992) 755. All lengths that
-    change one of these numbers are tried. A row without a period counts as the slowest. If the rows
-    cannot be polled as often as wanted, another sequence may be better by some 15 %.
+    in its period: S. Chan and F. Chin, IEEE Trans. Computers 41 (1992) 755. Sixteen lengths, from
+    the shortest period down to half of it, are tried. A row without a period counts as the slowest.
+    If rows cannot be polled as often as wanted, another sequence may be better by some 15 %.
     """
     periods = [row.period for row in rows]
     known = [period for period in periods if period < inf] or [1.0]
-    options = [[1] * len(rows)]
-    for base in {period / 2 ** ceil(log2(period / min(known))) for period in known}:
+    times = [row.number * row.times[row.dead] for row in rows]
+    options = {(1,) * len(rows)}
+    for base in min(known) / 2 ** (np.arange(16) / 16):
         fit = [floor(log2(min(period, max(known)) / base) + 1e-9) for period in periods]
-        options.append([2 ** min(one, 6) for one in fit])
-    orders = [spread(rows, every) for every in options]
+        options.add(tuple(2 ** min(one, 6) for one in fit))
+    orders = [spread(times, every) for every in sorted(options)]
     return min(orders, key=lambda one: max(map(truediv, one[2], periods)))
 
 
@@ -376,7 +376,14 @@ class Scan:
 
     def _plot_ages(self, ax: Axes) -> Axes:
         rows, x = self.slaves(), np.arange(1, len(self.rows) + 1)
-        ax.vlines(x, rows["age_best_ms"], rows["age_worst_ms"], color="C0", lw=3, label="age, polled as listed")
+        ax.vlines(
+            x,
+            rows["age_best_ms"],
+            rows["age_worst_ms"],
+            color="C0",
+            lw=3,
+            label="age, polled as listed",
+        )
         for interval, look, label in (
             ("interval_ms", {"marker": "o", "mfc": "white"}, "oldest in the best order"),
             ("wanted_ms", {"marker": "_", "color": style.LIMIT["color"], "mew": 2}, "wanted"),
