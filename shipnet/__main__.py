@@ -268,13 +268,13 @@ def _modbus(arguments: argparse.Namespace) -> Answer:
     loads = sum(serial.values()) + 1 if loads is None else loads
     ends = arguments.terminator or None
     line = Rs485(arguments.length, arguments.bit_rate, loads, ends, bias, stub, rise)
-    found = line.check()
+    findings = line.check()
     return answer._replace(
-        ok=found.ok if result.ok is None or found.ok is False else result.ok,
-        verdict=f"{answer.verdict}; RS-485: {found.verdict}",
-        text=f"{answer.text}\n\nRS-485: {found}",
-        tables={**answer.tables, "rs485": found.table()},
-        findings=found,
+        ok=findings.ok if result.ok is None or findings.ok is False else result.ok,
+        verdict=f"{answer.verdict}; RS-485: {findings.verdict}",
+        text=f"{answer.text}\n\nRS-485: {findings}",
+        tables={**answer.tables, "rs485": findings.table()},
+        findings=findings,
     )
 
 

@@ -116,11 +116,16 @@ def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
 #: degC (ASTM B258), with the 120 ohm and 5 ns/m of the catalogue's "rs-485".
 _CABLE = Cable(2 * 0.1339, 120 * 5e-9, 5e-9 / 120)
 
-#: Resistance between the wires of one unit load, which has 12 kohm from each to ground; that of the
-#: weakest driver, which gives 1.5 V at 54 ohm (TIA-485-A), and its open-circuit voltage [V]; and
-#: the lowest voltage of the bias, 5 V less 5 %.
-_UNIT_LOAD, _SOURCE, _BIAS_SUPPLY = 24e3, 27.0, 4.75
+#: Resistance between the wires of one unit load, which has 12 kohm from each to ground.
+_UNIT_LOAD = 24e3
+
+#: Resistance of a driver, which is our assumption, and the open-circuit voltage of the weakest one
+#: [V], which gives 1.5 V at 54 ohm (TIA-485-A).
+_SOURCE = 27.0
 _DRIVER = 1.5 * (54 + _SOURCE) / 54
+
+#: Lowest voltage of the bias, 5 V less 5 % [V].
+_BIAS_SUPPLY = 4.75
 
 #: Bits and samples per bit from which the eye is computed, and the fastest edge in bits.
 _BITS, _SAMPLES, _EDGE = 12, 64, 0.01
@@ -224,9 +229,9 @@ class Rs485:
             longest = float((self.rise_time or nan) / 10 / _CABLE.delay)
             values["stub_of_rise_time"] = (self.stub if self.rise_time else nan), longest
         rules = datasets.read("modbus_rs485_rules.csv").set_index("rule").loc[[*values]]
-        rules["value"], own = np.array([*values.values()], dtype=float).T
+        rules["value"], computed_high = np.array([*values.values()], dtype=float).T
         rules[["low", "high"]] = rules[["low", "high"]].apply(pd.to_numeric)
-        rules["high"] = rules["high"].where(np.isnan(own), own)
+        rules["high"] = rules["high"].where(np.isnan(computed_high), computed_high)
         beyond = (rules["value"] < rules["low"]) | (rules["value"] > rules["high"])
         rules["verdict"] = np.where(rules["value"].isna(), "not verified", "met")
         rules.loc[beyond, "verdict"] = "violated"

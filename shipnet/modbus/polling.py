@@ -213,10 +213,10 @@ class Scan:
     Examples
     --------
     >>> from shipnet import modbus
-    >>> found = modbus.scan(24, registers=20, bit_rate=19200, dead=2, limit=3.0)
-    >>> found
+    >>> result = modbus.scan(24, registers=20, bit_rate=19200, dead=2, limit=3.0)
+    >>> result
     Scan(24 slaves, 2 dead: 2.765 s at a processing time of 0 ms, limit of 3 s met up to 10.6 ms)
-    >>> round(found.dead_time, 3), round(found.slave_time, 3), found.max_slaves
+    >>> round(result.dead_time, 3), round(result.slave_time, 3), result.max_slaves
     (1.005, 0.034, 30)
     """
 
@@ -431,12 +431,12 @@ def _read_rows(path: str | PathLike[str], default: Poll) -> tuple[list[Polled], 
         name = one["device"]
         if names.count(name) > 1:
             name += f" FC{one['function']:d} {one['register']}"
-        own = {"timeout": one["timeout"], "retries": one["retries"], "processing": one["delay"]}
-        own = {key: value for key, value in own.items() if value is not None}
-        own["line"] = TcpLink(default.line.bit_rate) if one["host"] else default.line
+        options = {"timeout": one["timeout"], "retries": one["retries"], "processing": one["delay"]}
+        options = {key: value for key, value in options.items() if value is not None}
+        options["line"] = TcpLink(default.line.bit_rate) if one["host"] else default.line
         requests = _requests(one["function"], one["register"], one["registers"])
         try:
-            polls = tuple(replace(default, request=request, **own) for request in requests)
+            polls = tuple(replace(default, request=request, **options) for request in requests)
         except ArgumentError as error:
             faults.append(f"row {one['row']}: {error}")
             continue
