@@ -226,9 +226,8 @@ def parse_sheet(
     number = 0
     try:
         # A row has several lines if a cell contains line breaks.
-        first.extend(
-            list(map(cell_text, row)) for row in csv.reader(lines[:above], delimiter=separator)
-        )
+        reader = csv.reader(lines[:above], delimiter=separator)
+        first.extend(list(map(cell_text, cells)) for cells in reader)
         reader = csv.reader(lines[above:], delimiter=separator, strict=True)
         for number, row in enumerate(reader, len(first) + 1):
             cells = list(map(cell_text, row))
@@ -236,9 +235,8 @@ def parse_sheet(
                 _check_row(source, len(rows), number, cells)
                 rows.append((number, cells))
     except csv.Error as error:
-        raise InputError(
-            source, f"is not a CSV file: {error}, in row {max(number, len(first)) + 1}"
-        ) from None
+        place = max(number, len(first)) + 1
+        raise InputError(source, f"is not a CSV file: {error}, in row {place}") from None
     (top, titles), *rows = rows
     filled = [(number, cells) for number, cells in enumerate(first, 1) if any(cells)]
     return Sheet(source, top, _trim(titles), rows, separator, above=filled)

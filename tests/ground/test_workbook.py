@@ -309,5 +309,5 @@ def test_cells_cannot_hide_in_a_part_for_comments(part):
     renamed = {
         name.replace(part, hidden): data.replace(part, hidden) for name, data in content.items()
     }
-    with pytest.raises(InputError, match="0 sheets with cells|list index out of range"):
+    with pytest.raises(InputError, match=r"0 sheets with cells|list index out of range"):
         read(packed(renamed))
