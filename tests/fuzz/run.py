@@ -1,4 +1,4 @@
-"""Feed hostile bytes to every reader and decoder: `make fuzz`, ten minutes on two cores.
+"""Feed hostile bytes to every reader and decoder: `make fuzz`, half an hour on two cores.
 
     python tests/fuzz/run.py [--seconds 600] [targets ...]
 
