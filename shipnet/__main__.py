@@ -17,6 +17,7 @@ from textwrap import shorten
 from typing import Any, NoReturn, TextIO
 
 from shipnet.errors import ArgumentError, InputError, load_extra
+from shipnet.files import complete
 from shipnet.lazy import pd
 from shipnet.results import FORMS, Answer, check_output, encodable, printable
 from shipnet.tables import as_csv
@@ -613,7 +614,8 @@ def _shown(arguments: argparse.Namespace, answer: Answer, name: str) -> str:
     # The files are written before anything is printed, because the reader of the output may stop.
     for file in arguments.output:
         if file != "-":
-            answer.save(file, arguments.command)
+            with complete(file) as new:
+                answer.save(new, arguments.command)
     if "-" in arguments.output:
         return as_csv(next(iter(answer.tables.values()))).decode("utf-8-sig").rstrip("\n")
     if arguments.junit:

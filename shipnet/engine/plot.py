@@ -86,7 +86,7 @@ def plot_ages(
 
     On axes that have lines already, the line is dashed and the shading is hatched.
     """
-    ax = style.axes(ax)
+    ax, label = style.axes(ax), style.literal(label)
     good = ages["age_s"].notna()
     gap = np.full(len(ages), np.nan)
     x = np.column_stack([ages["seen_s"], ages["good_until_s"], ages["good_until_s"]])
