@@ -155,7 +155,8 @@ def assemble(
     parts = zip(*(part.tolist() for part in id_parts(numbers)), strict=True)
     columns = time.tolist(), channel.tolist(), parts, sizes.tolist()
     for row, (now, bus, (priority, pgn, source, to), size) in enumerate(zip(*columns, strict=True)):
-        part, key, number = octets[8 * row : 8 * row + size], (bus, source, to), -1
+        part, number = octets[8 * row : 8 * row + size], -1
+        key: tuple[Any, ...] = bus, source, to
         is_fast, new, legal = pgn in fast, None, True
         if size < (8 if pgn in (TP_CM, TP_DT) else 2 * is_fast):
             fault(key, f"PGN {pgn}, a frame of {size} bytes")

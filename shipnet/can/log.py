@@ -168,9 +168,10 @@ class Log:
         identifiers are messages of their own. Fast packets are those listed in
         ``nmea2000_pgns.csv``, all proprietary ones, and the PGNs in `fast`.
         """
-        rows = np.flatnonzero(self.extended & ~self.remote)
+        rows = self.extended & ~self.remote
         columns = (self.time, self.channel, self.arbitration_id, self.sizes, self.data)
-        return assemble(*(column[rows] for column in columns), fast)
+        time, channel, numbers, sizes, data = (column[rows] for column in columns)
+        return assemble(time, channel, numbers, sizes, data, fast)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a ``.log`` file in the format of ``candump -l``."""

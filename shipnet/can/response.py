@@ -70,7 +70,7 @@ _DAVIS = Assumptions()  #: The assumptions by default.
 _MOST = 200_000
 
 Column: TypeAlias = MutableSequence[int]
-Ticks: TypeAlias = Sequence[int]
+Row: TypeAlias = Sequence[int]
 
 
 @compiled
@@ -79,10 +79,10 @@ def wait(
     m: int,
     q: int,
     B: int,
-    C: Sequence[int],
-    S: Sequence[int],
-    T: Sequence[int],
-    J: Sequence[int],
+    C: Row,
+    S: Row,
+    T: Row,
+    J: Row,
     tau: int,
     burst: int,
     interval: int,
@@ -110,10 +110,10 @@ def wait(
 def instances(
     t: int,
     m: int,
-    C: Sequence[int],
-    S: Sequence[int],
-    T: Sequence[int],
-    J: Sequence[int],
+    C: Row,
+    S: Row,
+    T: Row,
+    J: Row,
     tau: int,
     burst: int,
     interval: int,
@@ -160,15 +160,7 @@ def instances(
 
 @compiled
 def all_instances(
-    C: Ticks,
-    S: Ticks,
-    T: Ticks,
-    J: Ticks,
-    tau: int,
-    burst: int,
-    interval: int,
-    error: int,
-    most: int,
+    C: Row, S: Row, T: Row, J: Row, tau: int, burst: int, interval: int, error: int, most: int
 ) -> tuple[list[int], list[int], list[int], list[int]]:
     """Return B and t of each message, the R of all, and where each message's R end."""
     blocking: list[int] = []
@@ -501,17 +493,18 @@ def response_times(
     >>> c.instances, c.response, c.met
     ((0.003, 0.0035), 0.0035, False)
     """
-    if offsets and ((faults and faults.burst) or (assumptions and not assumptions.own_jitter)):
-        raise ArgumentError("offsets is True; it requires own_jitter and allows no faults")
-    if offsets and any(message.transport for message in messages):
-        raise ArgumentError("offsets is True; it requires messages of one frame")
+    assumptions = assumptions or _DAVIS
+    long = any(message.transport for message in messages)
+    if offsets and (long or (faults and faults.burst) or not assumptions.own_jitter):
+        raise ArgumentError(
+            "offsets is True; it requires own_jitter and single frames, and allows no faults"
+        )
     bus = on_bus(messages, bit_rate, assumptions, faults or NO_ERRORS)
     blocking, busy, R, ends = all_instances.run(bus.steps, *bus.terms)
     busy_periods: Sequence[float] = busy
     if offsets and (longest := _with_offsets(bus, messages)):
         R, ends = longest, [*range(1, len(longest) + 1)]
         busy_periods = [math.nan] * len(longest)
-    assumptions = assumptions or _DAVIS
     last = max((m for m, message in enumerate(messages) if message.session), default=-1)
     waits = R[ends[last - 1] if last > 0 else 0 : ends[last]] if last >= 0 else []
     frame = max(waits, default=math.inf) / bus.second

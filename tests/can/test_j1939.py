@@ -420,7 +420,7 @@ def test_sessions_have_one_order_and_one_phase():
     found = can.analyse(sessions, [10e3, 250e3])
     assert (found.lowest, found.lowest_in_best_order, found.best.feasible) == (10e3, 10e3, True)
     for messages in (sessions, MessageSet([message(8, "fast packet")])):
-        with pytest.raises(ArgumentError, match="one frame"):
+        with pytest.raises(ArgumentError, match="single frames"):
             can.response_times(messages, 250e3, offsets=True)
         with pytest.raises(ArgumentError, match="single frames"):
             can.simulate_batch(messages, 250e3, offsets=[[0]], until=1.0)
