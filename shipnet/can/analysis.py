@@ -16,7 +16,7 @@ from shipnet.arrays import Floats, Integers
 from shipnet.can.dbc import parse_dbc
 from shipnet.can.faults import ErrorBound
 from shipnet.can.frame import hexadecimal
-from shipnet.can.j1939 import J1939Id, id_parts
+from shipnet.can.j1939 import J1939Id
 from shipnet.can.log import CLOCK_TOLERANCE, Log, coarse, lateness
 from shipnet.can.log_files import log_kind, read_log
 from shipnet.can.messages import BIT_RATES, Message, MessageSet, bus_load, read_list
@@ -368,8 +368,8 @@ def compare(
         Period of planned messages that have none in the file, 1e-6..1e5 [s].
     pgn : bool, default False
         True to recognise all messages with 29-bit identifiers by their PGN, whatever the priority,
-        source and destination. Messages with a transport, and those that a DBC file assigns to
-        J1939 or NMEA 2000, always are. A message with a transport is compared as a whole.
+        and from any source that is not planned. Messages with a transport, and those that a DBC
+        file assigns to J1939 or NMEA 2000, always are. Long messages are compared as a whole.
 
     Returns
     -------
@@ -399,7 +399,9 @@ def compare(
     frames = log if isinstance(log, Log) else read_log(log)
     keys, codes, times = frames.keys, frames.dlc.astype(int), frames.time
     if any(message.transport for message in plan):
-        fast = [_pgn(one.arbitration_id) for one in plan if one.transport == "fast packet"]
+        fast = [
+            J1939Id.of(one.arbitration_id).pgn for one in plan if one.transport == "fast packet"
+        ]
         table, alone = frames.assemble(fast).messages, ~frames.extended | frames.remote
         priority, pgns, source, to = (table[part].to_numpy(int) for part in J1939Id._fields)
         ids = priority << 26 | (pgns | np.where((pgns >> 8 & 0xFF) < 240, to, 0)) << 8 | source
@@ -411,14 +413,18 @@ def compare(
     times = times[order] - (frames.time.min() if len(frames) else 0.0)
     end = times.max() if len(frames) else math.nan
     planned = {message.arbitration_id << 1 | message.extended: message for message in plan}
-    groups = {
-        _pgn(key >> 1): message
-        for key, message in reversed(planned.items())
-        if message.extended and (pgn or message.name in plan.any_source or message.transport)
-    }
+    groups: dict[Any, Message] = {}
+    for key, message in reversed(planned.items()):
+        if message.extended and (pgn or message.name in plan.any_source or message.transport):
+            _, number, *ends = J1939Id.of(key >> 1)
+            groups[number] = groups[number, *ends] = message
     sources: dict[Message | None, list[int]] = defaultdict(list)
     for key in np.unique(keys).tolist():
-        sources[planned.get(key) or (groups.get(_pgn(key >> 1)) if key & 1 else None)].append(key)
+        one = planned.get(key)
+        if one is None and key & 1:
+            _, number, *ends = J1939Id.of(key >> 1)
+            one = groups.get((number, *ends), groups.get(number))
+        sources[one].append(key)
     for key, message in planned.items():
         if message not in sources:
             sources[message].append(key)
@@ -440,11 +446,6 @@ def compare(
     columns = ["name", "arbitration_id", "frames", "period_ms", "shortest_ms", "mean_ms"]
     table = pd.DataFrame(rows, columns=[*columns, "longest_ms", "verdict"])
     return LogComparison(table.set_index("name").round(6), frames.step)
-
-
-def _pgn(number: int) -> int:
-    """Return the PGN in a 29-bit identifier."""
-    return int(id_parts(number)[1])
 
 
 def _differences(

@@ -216,10 +216,8 @@ class Run:
         )
         data = np.zeros((len(sent), 8), dtype=np.uint8)
         no = np.zeros(len(sent), dtype=bool)
-        time, dlc = sent["end_ms"].to_numpy() / 1e3, np.minimum(dlc, 8)
-        return Log(
-            time, np.full(len(sent), "can0"), ids, extended, no, np.uint8(np.minimum(dlc, 8)), data
-        )
+        time, size = sent["end_ms"].to_numpy() / 1e3, np.minimum(dlc, 8).astype(np.uint8)
+        return Log(time, np.full(len(sent), "can0"), ids, extended, no, np.asarray(size), data)
 
     def __repr__(self) -> str:
         return (

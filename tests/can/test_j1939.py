@@ -528,6 +528,26 @@ def test_long_messages_are_compared_as_a_whole():
     assert broken.table()["verdict"].to_dict() == {"m": "missing", "DM1": "as planned"}
 
 
+def test_a_planned_source_is_recognised_with_any_priority():
+    def one(number, period):
+        return message(30, "BAM", number, f"{number:08X}", period)
+
+    plan = MessageSet([one(DM1, 0.2), one(DM1 + 3, 1.0), message(8, "", 0x0CF00403, "EEC1", 0.2)])
+    log = repeated(
+        lambda k: (
+            cut(noise(30), "BAM", DM1)
+            + (cut(noise(30), "BAM", DM1 + 3) if k % 5 == 0 else [])
+            + cut(noise(8), "", 0x18F00403)
+        ),
+        50,
+        0.2,
+    )
+    found = can.compare(plan, log, pgn=True)
+    assert found.ok, found.table()
+    assert found.table()["frames"].tolist() == [50, 50, 10]
+    assert can.compare(plan, log).table()["verdict"]["EEC1"] == "missing"
+
+
 DBC = """VERSION ""
 
 BU_: GPS
