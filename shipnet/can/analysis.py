@@ -416,14 +416,14 @@ def compare(
     groups: dict[Any, Message] = {}
     for key, message in reversed(planned.items()):
         if message.extended and (pgn or message.name in plan.any_source or message.transport):
-            _, number, *ends = J1939Id.of(key >> 1)
-            groups[number] = groups[number, *ends] = message
+            _, group, *ends = J1939Id.of(key >> 1)
+            groups[group] = groups[group, *ends] = message
     sources: dict[Message | None, list[int]] = defaultdict(list)
     for key in np.unique(keys).tolist():
         one = planned.get(key)
         if one is None and key & 1:
-            _, number, *ends = J1939Id.of(key >> 1)
-            one = groups.get((number, *ends), groups.get(number))
+            _, group, *ends = J1939Id.of(key >> 1)
+            one = groups.get((group, *ends), groups.get(group))
         sources[one].append(key)
     for key, message in planned.items():
         if message not in sources:
