@@ -27,7 +27,7 @@ from shipnet.fields import (
 from shipnet.tables import as_csv
 from shipnet.tools import _view
 from shipnet.tools._sweep import sweep, sweepable
-from shipnet.tools._view import MOST_PINS, Answer, Button, Preset, Sheet, Upload, View
+from shipnet.tools._view import MOST_PINS, Answer, Button, Loaded, Preset, Sheet, Upload, View
 
 if TYPE_CHECKING:
     import ipywidgets as widgets
@@ -295,12 +295,13 @@ class Page(widgets.VBox):  # type: ignore[misc]
         try:
             with self._busy():
                 inputs = new()
+                inputs, remarks = inputs if isinstance(inputs, Loaded) else (inputs, ())
                 if inputs is not None:
                     self._controls.put(inputs)
         except Exception as problem:  # as in refresh
             self._say(_sentence(problem), f"{_lines(problem)}\n{_BEFORE}")
             return
-        self._say("", f"{file} is loaded" if file else "")
+        self._say("", "\n".join([f"{file} is loaded", *remarks]) if file else "")
         self.refresh()
 
     def _say(self, note: str, shown: str = "") -> None:
@@ -321,13 +322,12 @@ class Page(widgets.VBox):  # type: ignore[misc]
             upload.value = ()
             for file in files:
                 name, content = file["name"], bytes(file["content"])
-                self._change(partial(self._take, one, name, content), name)
+                self._change(
+                    lambda name=name, content=content: one.take(self.inputs, name, content), name
+                )
 
         upload.observe(take, "value")
         return _classed(upload, "shipnet-upload")
-
-    def _take(self, one: Upload, name: str, content: bytes) -> Any:
-        return one.take(self.inputs, name, content)
 
     def _read(self, _: object, name: str, content: bytes) -> Any:
         return self._opened(_view.read_state(content, self.tool, self._kind, name))
