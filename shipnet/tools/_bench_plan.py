@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import ceil
 from typing import Any
 
 from shipnet import asi
-from shipnet.asi.plan import Element, read_plan
+from shipnet.asi.plan import read_plan
+from shipnet.asi.segment import Element
 from shipnet.asi.slave import slave_key
 from shipnet.errors import ArgumentError, InputError
 from shipnet.tools._view import Loaded, read_file
@@ -83,7 +85,11 @@ def _fields(plan: asi.Plan) -> dict[str, Any]:
         zip(keys, plan.slaves, strict=True), key=lambda one: (shared[one[0] >> 1], one[0])
     )
     slaves = [slave for _, slave in ranked]
-    of_kind = {"master": plan.masters, "scope": plan.masters, "supply": plan.supplies}
+    of_kind: dict[str, Sequence[Any]] = {
+        "master": plan.masters,
+        "scope": plan.masters,
+        "supply": plan.supplies,
+    }
     devices = [
         *(Device(kind, place[one.node], 0) for kind, some in of_kind.items() for one in some),
         *(Device("slave", place[one.node], spurs[one.node]) for one in slaves),
@@ -110,7 +116,7 @@ def _trunk(plan: asi.Plan) -> tuple[list[str], bool]:
     for a, b in joins:
         near.setdefault(a, []).append(b)
         near.setdefault(b, []).append(a)
-    others = [*plan.masters, *plan.supplies, *plan.terminators]
+    others: list[Any] = [*plan.masters, *plan.supplies, *plan.terminators]
     slaves = Counter(slave.node for slave in plan.slaves)
     taken = {one.node for one in others} | {end for one in plan.repeaters for end in (one.a, one.b)}
     spurs = {n for n in near if len(near[n]) == 1 and slaves[n] == 1 and n not in taken}

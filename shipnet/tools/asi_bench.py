@@ -145,8 +145,7 @@ class AsiBench(Tool):
     def __post_init__(self) -> None:
         fields.check_fields(self)
         object.__setattr__(self, "length", round(self.length, 2))
-        object.__setattr__(self, "_read", read_devices(self.devices))
-        object.__setattr__(self, "devices", tuple(map(str, self._read)))
+        object.__setattr__(self, "devices", tuple(map(str, read_devices(self.devices))))
         cuts = self.cuts
         if self.ring and cuts:
             raise ArgumentError("ring is True; a cable with a repeater cannot be a ring")
@@ -161,7 +160,8 @@ class AsiBench(Tool):
     @cached_property
     def placed(self) -> list[Device]:
         """The devices; those beyond the end of the cable are at its end."""
-        return [one._replace(place=min(one.place, self.length)) for one in self._read]
+        devices = read_devices(self.devices)
+        return [one._replace(place=min(one.place, self.length)) for one in devices]
 
     def of_kind(self, kind: str) -> dict[int, float]:
         """Return the index and the place [m] of each device of a kind."""
