@@ -209,7 +209,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
             links = [*map(_view.download_link, view.files, view.files.values())]
             links += [_view.write_use(tool, values) for tool, values in view.uses.items()]
             self.links.value = " ".join([save, link, *links])
-            self._shown.value, self._details.value = view.answer, ""
+            self._shown.value, self._details.value = view.answer + view.drawing, ""
             if self._answer is not None:
                 self._details.value = _view.details(self._answer, self._pins)
                 self.over.layout.display = None if view.measure else "none"

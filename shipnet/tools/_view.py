@@ -78,7 +78,7 @@ class View:
     that are compared with pinned ones: by number, they are a line; by name, marks in rows. `data`
     returns the table to download. `short` and `measure` are the answer of a sweep at one value.
     `idle` says why controls have no effect at present, and `uses` has inputs for other tools.
-    `drawing` is HTML that is shown below the figure, above the table.
+    `drawing` is HTML that is shown above the figure.
     """
 
     verdict: str
@@ -180,8 +180,6 @@ def details(now: Answer, pins: Sequence[Answer] = ()) -> str:
     if view.table is not None:
         caption = f'<p class="shipnet-caption">{escape(view.caption)}</p>'
         table = _html("shipnet-table", view.table.columns, view.table.itertuples()) + caption
-    if view.drawing:
-        table = view.drawing + table
     heads = ["now", *(f"pin {number}" for number in range(1, len(pins) + 1))]
     return table + _html("shipnet-numbers", heads, compared(now, pins))
 

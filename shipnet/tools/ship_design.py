@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from matplotlib.axes import Axes
 
-from shipnet import datasets
+from shipnet import datasets, style
 from shipnet.design.catalogue import Assumptions, Range
 from shipnet.design.comparison import Comparison, compare
 from shipnet.design.designs import Design
@@ -187,6 +187,11 @@ class ShipDesign(Tool):
             return self.result.tornado().plot(ax)
         return self.result.plot("total_cost_eur", self.picture, ax=ax)
 
+    def _plot_narrow(self, ax: Axes) -> None:
+        self.plot(ax).locator_params(axis="x", nbins=4)
+        if ax.get_legend():
+            style.legend(ax, 2)
+
     def _view(self, report: bool = False) -> View:
         """Return the view that the page shows; with `report`, it offers the report's files."""
         result = self.result
@@ -205,6 +210,7 @@ class ShipDesign(Tool):
             drawing=result.drawing().html if result.iolist.located.any() else "",
             numbers=ready | _numbers(result),
             plot=self.plot,
+            narrow=self._plot_narrow,
             height=heights.get(self.picture, 3.6),
             about=PICTURES[self.picture],
             curve=(lambda: result.table()["total_cost_eur"]) if self.picture == "cost" else None,

@@ -281,7 +281,7 @@ class ValveDiagnosis(Tool):
         def idle(plant: _Plant) -> dict[str, str]:
             return {"severity": "no fault is chosen"} if plant.fault == NORMAL else {}
 
-        tip = "A log of one valve as CSV or Excel: a time, and columns such as FP and MC."
+        tip = "A log of one valve as CSV or Excel, with columns such as FP."
         return {
             "preset": Preset(_Plant(), make, idle),
             "uploads": [Upload("open a log", tip, ".csv,.txt,.xlsx", _open_log)],
