@@ -84,7 +84,7 @@ def plot_ages(
 ) -> Axes:
     """Draw the age of a point over time; the background is shaded while the point is marked.
 
-    On axes that have lines already, the line is dashed.
+    On axes that have lines already, the line is dashed and the shading is hatched.
     """
     ax = style.axes(ax)
     good = ages["age_s"].notna()
@@ -94,12 +94,14 @@ def plot_ages(
     joined = (ages["good_until_s"] == ages["until_s"]) & good
     # A new value makes the line drop vertically; after a mark a new line begins.
     y[:, 2] = np.where(joined, np.append(ages["age_s"].iloc[1:], np.nan), np.nan)
-    dashes = "--" if ax.lines else "-"
+    dashes, hatch = ("--", "///") if ax.lines else ("-", "")
     (line,) = ax.plot(x.ravel(), y.ravel(), dashes, label=label or None)
     bad = ages[ages["good_until_s"] < ages["until_s"]]
     marked = f"{label}, marked".lstrip(", ")
     for begin, end in zip(bad["good_until_s"], bad["until_s"], strict=True):
-        ax.axvspan(begin, end, color=line.get_color(), alpha=0.15, lw=0, label=marked)
+        ax.axvspan(
+            begin, end, color=line.get_color(), alpha=0.15, lw=0, hatch=hatch, label=marked
+        )
         marked = "_"
     for name, value in (limits or {}).items():
         style.limit(ax, value, name)
