@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations, count
 from math import ceil
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from shipnet.asi.plan_file import note_key
 from shipnet.asi.rules import first_violated, rule_limits
@@ -15,12 +15,12 @@ from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
 from shipnet.line.network import CableRun
 
-if TYPE_CHECKING:
-    from shipnet.asi.plan import Plan
-
 #: Maximum numbers of repeaters added and of plans and segments tried, and of cables at a node of
 #: which every subset is tried; at a node with more, the cables moved are consecutive in the plan.
 _REPEATERS, _TRIES, _CABLES = 4, 2000, 6
+
+#: A `Plan`, which this module must not import: plans import it.
+_Plan: TypeAlias = Any
 
 #: Each added device and the rule that required it.
 _Added: TypeAlias = dict[Repeater | Supply, str]
@@ -32,12 +32,12 @@ class Improvement(NamedTuple):
     The verdict says what is added, which rules that cures, and which stay violated.
     """
 
-    plan: Plan
+    plan: _Plan
     added: pd.DataFrame
     verdict: str
 
 
-def improved(plan: Plan, limits: pd.DataFrame | None) -> Improvement:
+def improved(plan: _Plan, limits: pd.DataFrame | None) -> Improvement:
     """Return the improvement with the fewest devices; it adds nothing if none meets every rule."""
     search = _Search(rule_limits() if limits is None else limits.copy())
     # Each segment needs one supply, so the fewest repeaters are also the fewest devices.
@@ -69,7 +69,7 @@ class _Search:
         self.known: dict[str, str] = {}
         self.tries = 0
 
-    def devices(self, plan: Plan, most: int) -> tuple[Plan, _Added] | None:
+    def devices(self, plan: _Plan, most: int) -> tuple[_Plan, _Added] | None:
         """Return a plan that meets every rule with at most `most` more repeaters, or None."""
         terminated = [any(one.terminators for one in line) for line in plan.lines]
         headed = [one for one in plan.segments if one.head is not None]
@@ -89,8 +89,8 @@ class _Search:
         divisible = most and len(segment.path) < self.limits["high"][series]
         for divided, repeater in _divisions(plan, segment) if divisible else ():
             first: _Added = {repeater: rule}
-            if solution := self.devices(_noted(divided, first), most - 1):
-                return solution[0], first | solution[1]
+            if found := self.devices(_noted(divided, first), most - 1):
+                return found[0], first | found[1]
         return None
 
     def repeaters_for(self, segment: Segment) -> int:
@@ -119,12 +119,12 @@ class _Search:
         return self.known.get(key, "not tried")
 
 
-def _noted(plan: Plan, added: _Added) -> Plan:
+def _noted(plan: _Plan, added: _Added) -> _Plan:
     notes = {note_key(one): f"added: {rule}".replace("_", " ") for one, rule in added.items()}
     return replace(plan, notes={**plan.notes, **notes})
 
 
-def _divisions(plan: Plan, segment: Segment) -> Iterator[tuple[Plan, Repeater]]:
+def _divisions(plan: _Plan, segment: Segment) -> Iterator[tuple[_Plan, Repeater]]:
     """Yield the plans in which a repeater at a node separates some of the node's cables."""
     taken = {node for run in plan.cables for node in (run.a, run.b)}
     occupied = {node for one in plan if not isinstance(one, CableRun) for node in nodes_of(one)}
