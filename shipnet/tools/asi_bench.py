@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from functools import cached_property
 from itertools import pairwise
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,43 +18,24 @@ from shipnet.asi.plan import PlanFindings, plan_of
 from shipnet.asi.receiver import MINIMUM, matched_filter
 from shipnet.asi.segment import Element, signals_of, telegram_voltages
 from shipnet.asi.timing import ADDRESSES
-from shipnet.asi.topologies import assign_addresses, evenly_spaced
+from shipnet.asi.topologies import assign_addresses
 from shipnet.errors import ArgumentError, FrameError, SilenceError
 from shipnet.fields import choice, number, switch, whole
 from shipnet.lazy import pd
-from shipnet.line.cable import Cable
 from shipnet.tables import as_csv
+from shipnet.tools._bench_devices import (
+    CABLE_CHOICES,
+    KINDS,
+    LONGEST,
+    RESISTOR,
+    Device,
+    open_plan,
+    read_devices,
+)
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Upload, View, words
 
 _WORDS = words("asi_bench")
-
-#: Cables to choose from. The extremes combine limits from a data sheet (Lapp, UNITRONIC BUS ASI:
-#: 0.5 to 0.75 uH/m, at most 80 pF/m) with the resistance of the nominal cable.
-CABLE_CHOICES = MappingProxyType[str, str | Cable](
-    {
-        "nominal: 100 ohm, 6.5 ns/m": "as-i 1.5",
-        "lossless: 100 ohm, 6.5 ns/m": "as-i lossless",
-        "low: 79 ohm, 6.3 ns/m": Cable(r=0.06, l=0.5e-6, c=80e-12),
-        "slow: 97 ohm, 7.7 ns/m": Cable(r=0.06, l=0.75e-6, c=80e-12),
-    }
-)
-
-#: Kinds of devices, with the legal number of each. The scope shows the voltage at its place.
-KINDS = MappingProxyType(
-    {
-        "master": (1, 1),
-        "scope": (1, 1),
-        "slave": (1, 2 * ADDRESSES),
-        "supply": (0, 8),
-        "repeater": (0, 8),
-        "terminator": (0, 8),
-        "resistor": (0, 8),
-    }
-)
-
-#: Longest cable, and longest spur of a slave [m]; resistor that absorbs the echo [ohm].
-LONGEST, LONGEST_SPUR, RESISTOR = 500.0, 100.0, 100.0
 
 #: Sampling interval, and times recorded before and after the response [s].
 STEP, BEFORE, AFTER = 250e-9, 6e-6, 28.8e-6
@@ -67,42 +46,6 @@ FILTERED = (8 / 3 * STEP / HALF_BIT) ** 0.5
 
 #: Number of responses in noise, of which the lost ones are counted.
 TRIES = 250
-
-_METRES = r"([0-9]{1,3}(?:\.[0-9]{1,9})?)"
-_DEVICE = re.compile(rf"(?:([0-9]{{1,2}})\*)?([a-z]+)@{_METRES}(?:/{_METRES})?")
-
-
-class Device(NamedTuple):
-    """A device, its distance along the cable, and the length of its spur [m]."""
-
-    kind: str
-    place: float
-    spur: float
-
-    def __str__(self) -> str:
-        return f"{self.kind}@{self.place:g}" + (f"/{self.spur:g}" if self.spur else "")
-
-
-def read_devices(texts: Sequence[str]) -> list[Device]:
-    """Return the devices that texts such as ``"slave@50/3"`` describe, to the centimetre."""
-    devices: list[Device] = []
-    for text in texts:
-        match = _DEVICE.fullmatch(text) if isinstance(text, str) else None
-        if match is None or match[2] not in KINDS:
-            raise ArgumentError(
-                f"one of devices is {text!r}; it must be a kind and its place in metres, such as "
-                f"'slave@50', 'slave@50/3' or '31*slave@100'; kinds are {', '.join(KINDS)}"
-            )
-        count, kind, *metres = match.groups()
-        place, spur = (float(one or 0) for one in metres)
-        fields.check_scalar(f"place of {text}", place, "m", 0, LONGEST)
-        fields.check_scalar(f"spur of {text}", spur, "m", 0, LONGEST_SPUR if kind == "slave" else 0)
-        spaced = evenly_spaced(place, int(count or 1))
-        devices += [Device(kind, round(one, 2), round(spur, 2)) for one in spaced]
-    for kind, (least, most) in KINDS.items():
-        number = sum(device.kind == kind for device in devices)
-        fields.check_whole(f"number of devices of kind {kind}", number, least, most)
-    return devices
 
 
 @fields.record
@@ -424,7 +367,6 @@ class AsiBench(Tool):
         )
 
     def _options(self) -> dict[str, Any]:
-        from shipnet.tools._bench_plan import open_plan
         from shipnet.tools._drawing import Drawing
 
         least, most = asi.TOLERANCE

@@ -13,8 +13,9 @@ from shipnet import asi
 from shipnet.asi.receiver import listen_to_rows, matched_filter
 from shipnet.compiled import MANY
 from shipnet.errors import ArgumentError, InputError
+from shipnet.tools._bench_devices import KINDS, LONGEST
 from shipnet.tools._view import read_link, read_state, write_link, write_state
-from shipnet.tools.asi_bench import FILTERED, KINDS, LONGEST, STEP, TRIES, AsiBench, update
+from shipnet.tools.asi_bench import FILTERED, STEP, TRIES, AsiBench, update
 
 START = ("master@0", "supply@0", "scope@0")
 

@@ -7,7 +7,7 @@ import pytest
 
 from shipnet import asi, datasets
 from shipnet.errors import InputError
-from shipnet.tools._bench_plan import open_plan
+from shipnet.tools._bench_devices import open_plan
 from shipnet.tools.asi_bench import AsiBench
 from tests.tools.test_tools_page import load
 

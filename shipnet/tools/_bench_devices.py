@@ -1,24 +1,91 @@
-"""Plans from files as devices on the cable of the AS-i bench."""
+"""Devices on the cable of the AS-i bench: their texts, and those of a plan."""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import ceil
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
-from shipnet import asi
+from shipnet import asi, fields
 from shipnet.asi.plan import read_plan
 from shipnet.asi.segment import Element
 from shipnet.asi.slave import slave_key
+from shipnet.asi.timing import ADDRESSES
+from shipnet.asi.topologies import evenly_spaced
 from shipnet.errors import ArgumentError, InputError
+from shipnet.line.cable import Cable
 from shipnet.tools._view import Loaded, read_file
-from shipnet.tools.asi_bench import CABLE_CHOICES, AsiBench, Device
+
+#: Cables to choose from. The extremes combine limits from a data sheet (Lapp, UNITRONIC BUS ASI:
+#: 0.5 to 0.75 uH/m, at most 80 pF/m) with the resistance of the nominal cable.
+CABLE_CHOICES = MappingProxyType[str, str | Cable](
+    {
+        "nominal: 100 ohm, 6.5 ns/m": "as-i 1.5",
+        "lossless: 100 ohm, 6.5 ns/m": "as-i lossless",
+        "low: 79 ohm, 6.3 ns/m": Cable(r=0.06, l=0.5e-6, c=80e-12),
+        "slow: 97 ohm, 7.7 ns/m": Cable(r=0.06, l=0.75e-6, c=80e-12),
+    }
+)
+
+#: Kinds of devices, with the legal number of each. The scope shows the voltage at its place.
+KINDS = MappingProxyType(
+    {
+        "master": (1, 1),
+        "scope": (1, 1),
+        "slave": (1, 2 * ADDRESSES),
+        "supply": (0, 8),
+        "repeater": (0, 8),
+        "terminator": (0, 8),
+        "resistor": (0, 8),
+    }
+)
+
+#: Longest cable, and longest spur of a slave [m]; resistor that absorbs the echo [ohm].
+LONGEST, LONGEST_SPUR, RESISTOR = 500.0, 100.0, 100.0
+
+_METRES = r"([0-9]{1,3}(?:\.[0-9]{1,9})?)"
+_DEVICE = re.compile(rf"(?:([0-9]{{1,2}})\*)?([a-z]+)@{_METRES}(?:/{_METRES})?")
 
 
-def open_plan(inputs: AsiBench, name: str, content: bytes) -> Loaded:
+class Device(NamedTuple):
+    """A device, its distance along the cable, and the length of its spur [m]."""
+
+    kind: str
+    place: float
+    spur: float
+
+    def __str__(self) -> str:
+        return f"{self.kind}@{self.place:g}" + (f"/{self.spur:g}" if self.spur else "")
+
+
+def read_devices(texts: Sequence[str]) -> list[Device]:
+    """Return the devices that texts such as ``"slave@50/3"`` describe, to the centimetre."""
+    devices: list[Device] = []
+    for text in texts:
+        match = _DEVICE.fullmatch(text) if isinstance(text, str) else None
+        if match is None or match[2] not in KINDS:
+            raise ArgumentError(
+                f"one of devices is {text!r}; it must be a kind and its place in metres, such as "
+                f"'slave@50', 'slave@50/3' or '31*slave@100'; kinds are {', '.join(KINDS)}"
+            )
+        count, kind, *metres = match.groups()
+        place, spur = (float(one or 0) for one in metres)
+        fields.check_scalar(f"place of {text}", place, "m", 0, LONGEST)
+        fields.check_scalar(f"spur of {text}", spur, "m", 0, LONGEST_SPUR if kind == "slave" else 0)
+        spaced = evenly_spaced(place, int(count or 1))
+        devices += [Device(kind, round(one, 2), round(spur, 2)) for one in spaced]
+    for kind, (least, most) in KINDS.items():
+        number = sum(device.kind == kind for device in devices)
+        fields.check_whole(f"number of devices of kind {kind}", number, least, most)
+    return devices
+
+
+def open_plan(inputs: Any, name: str, content: bytes) -> Loaded:
     """Return the inputs with the plan of a file, and what the bench draws differently."""
     plan = read_file(name, content, read_plan)
     try:
