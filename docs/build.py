@@ -365,6 +365,8 @@ def sources(root: Path) -> dict[str, bytes]:
     others = [*(root / "data").rglob("*"), root / "CHANGELOG.md"]
     for path in (path for path in others if path.is_file()):
         files[path.relative_to(root).as_posix()] = path.read_bytes()
+    # The book's root is the folder docs.
+    files["CHANGELOG.md"] = files["CHANGELOG.md"].replace(b"](docs/", b"](")
     generated = {
         "errata.md": errata_page(),
         "glossary.md": glossary_page(),

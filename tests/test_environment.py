@@ -6,6 +6,7 @@ import re
 import sys
 import tomllib
 from importlib.metadata import packages_distributions
+from operator import attrgetter
 from pathlib import Path
 
 import yaml
@@ -107,3 +108,17 @@ def test_versions_agree():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["version"] == version
     assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_the_new_names_of_the_upgrade_page_exist():
+    import shipnet
+
+    page = (ROOT / "docs" / "upgrade.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`.*) \| (.*) \|$", page, re.M)
+    assert len(rows) > 90
+    names = [name for _, new in rows for name in re.findall(r"`([a-z_]+\.[\w.]+)`", new)]
+    for name in names:
+        whole, _, last = name.rpartition(".")
+        parent = attrgetter(whole)(shipnet)
+        assert hasattr(parent, last) or last in parent.__dataclass_fields__, name
+    assert len(set(names)) > 90
