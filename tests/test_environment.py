@@ -13,6 +13,8 @@ import yaml
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
+from docs import index_page
+
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 CONDA = yaml.safe_load((ROOT / "environment.yml").read_text(encoding="utf-8"))
@@ -108,6 +110,23 @@ def test_versions_agree():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["version"] == version
     assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_the_repository_has_one_address():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    address = PROJECT["tool"]["hatch"]["metadata"]["hooks"]["custom"]["repository"]
+    assert citation.get("repository-code", "") == address
+
+
+def test_the_readme_of_an_index_page_has_no_link_that_leads_nowhere():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    whole = index_page.readme(text, "https://forge.example/ships/shipnet/{}/v1.2")
+    assert "![A request" in whole
+    assert "](https://forge.example/ships/shipnet/raw/v1.2/docs/_static/telegram.png)" in whole
+    assert "(https://forge.example/ships/shipnet/blob/v1.2/data/SOURCES.md)" in whole
+    for page in (whole, index_page.readme(text, "")):
+        assert set(re.findall(r"\]\((\w+:)?", page)) == {"https:"}
+    assert "ten lessons of 40" in index_page.readme(text, "")
 
 
 def test_the_new_names_of_the_upgrade_page_exist():
