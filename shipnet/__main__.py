@@ -12,6 +12,7 @@ from contextlib import ExitStack, contextmanager
 from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
+from shutil import copyfile
 from tempfile import TemporaryDirectory
 from textwrap import shorten
 from typing import Any, NoReturn, TextIO
@@ -419,10 +420,28 @@ def _fleet(arguments: argparse.Namespace) -> None:
     )
 
 
+def _copy(arguments: argparse.Namespace) -> None:
+    from shipnet import datasets
+
+    home, target = datasets.path("claims.csv").parent.parent, Path(arguments.folder)
+    if target.exists() and not (target.is_dir() and not any(target.iterdir())):
+        raise ArgumentError(f"FOLDER is {arguments.folder!r}; it must be new or empty")
+    teachers = {"solutions", ".ipynb_checkpoints"}
+    for file in [*home.glob("notebooks/**/*.ipynb"), *home.glob("data/*.*")]:
+        part = file.relative_to(home)
+        if not teachers & set(part.parts):
+            (target / part).parent.mkdir(parents=True, exist_ok=True)
+            copyfile(file, target / part)
+    _print(f"written: {target / 'notebooks'} and {target / 'data'}")
+
+
 #: The function of each command in `commands.toml`.
 _COMMANDS = {
     run.__name__[1:]: run
-    for run in (_ledger, _decode, _check, _can, _modbus, _diagnose, _serve, _fleet, _design, _grade)
+    for run in (
+        *(_ledger, _decode, _check, _can, _modbus, _diagnose, _serve, _fleet, _design, _grade),
+        *(_copy,),
+    )
 }
 
 

@@ -13,7 +13,7 @@ import yaml
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
-from docs import index_page
+from docs import distribution
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -120,13 +120,13 @@ def test_the_repository_has_one_address():
 
 def test_the_readme_of_an_index_page_has_no_link_that_leads_nowhere():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    whole = index_page.readme(text, "https://forge.example/ships/shipnet/{}/v1.2")
+    whole = distribution.readme(text, "https://forge.example/ships/shipnet/{}/v1.2")
     assert "![A request" in whole
     assert "](https://forge.example/ships/shipnet/raw/v1.2/docs/_static/telegram.png)" in whole
     assert "(https://forge.example/ships/shipnet/blob/v1.2/data/SOURCES.md)" in whole
-    for page in (whole, index_page.readme(text, "")):
+    for page in (whole, distribution.readme(text, "")):
         assert set(re.findall(r"\]\((\w+:)?", page)) == {"https:"}
-    assert "ten lessons of 40" in index_page.readme(text, "")
+    assert "ten lessons of 40" in distribution.readme(text, "")
 
 
 def test_the_new_names_of_the_upgrade_page_exist():

@@ -1,7 +1,8 @@
-"""Fill in what an index page shows: the addresses of the project, and a README whose links work.
+"""Hooks that hatchling runs when it builds the wheel and the source distribution.
 
-Hatchling runs this when it builds a release. `repository` in pyproject.toml is the only place for
-the address of the repository. Without it, the README has its links and pictures removed.
+They fill in what an index page shows, the addresses of the project and a README whose links work,
+and add the notebooks to the wheel. `repository` in pyproject.toml is the only place for the address
+of the repository. Without it, the README has its links and pictures removed.
 """
 
 from __future__ import annotations
@@ -10,8 +11,11 @@ import re
 from pathlib import Path
 from typing import Any
 
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 from hatchling.metadata.plugin.interface import MetadataHookInterface
 
+#: Folders of notebooks that are not for students.
+HIDDEN = {"solutions", ".ipynb_checkpoints"}
 #: A Markdown link or picture whose target is a file of the repository.
 RELATIVE = re.compile(r"(!?)\[([^\]]*)\]\((?!\w+:|#)([^)]+)\)")
 
@@ -38,3 +42,11 @@ class CustomMetadataHook(MetadataHookInterface):
             changelog = f"{tree.format('blob')}/CHANGELOG.md"
             metadata["urls"] = {"Repository": address, "Changelog": changelog}
             metadata["urls"]["Issues"] = f"{address}/issues"
+
+
+class CustomBuildHook(BuildHookInterface[Any]):
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        for file in Path(self.root).glob("notebooks/**/*.ipynb"):
+            part = file.relative_to(self.root)
+            if not HIDDEN & set(part.parts):
+                build_data["force_include"][str(file)] = f"shipnet/{part.as_posix()}"
