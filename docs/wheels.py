@@ -28,8 +28,8 @@ In a terminal, in the folder that contains this folder "wheels":
 
     {python_command} -m venv course
     {bin}python -m pip install --no-index --find-links wheels "shipnet[notebooks]"
-    {bin}shipnet copy notebooks
-    {bin}jupyter lab notebooks
+    {bin}shipnet copy lessons
+    {bin}jupyter lab lessons/notebooks
 """
 
 
