@@ -14,17 +14,19 @@ import csv
 import gc
 import html
 import importlib
+import inspect
 import json
 import math
 import re
 import shutil
 import sys
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from sphinx.cmd.build import build_main
+from sphinx.pycode import ModuleAnalyzer
 
 import notebooks
 from shipnet.papers import PAPERS
@@ -39,6 +41,17 @@ MACHINERY = ("docs/_ext", "docs/_static", "docs/build.py", "docs/conf.py", "requ
 CAPTIONS = {"": "Start here", "lessons": "Lessons", "explore": "Tools", "papers": "Papers"}
 CAPTIONS |= {"real": "Real lines"}
 REFERENCE = ("ledger.md", "errata.md", "data/SOURCES.md", "api/shipnet.rst", "CHANGELOG.md")
+#: What the picture of each tool shows, in docs/_static/tools.
+PICTURES = {
+    "asi_bench": "The AS-i bench: a cable with its devices, and the signal at a place of it.",
+    "can_load": "The CAN tool: the messages of an engine, and their response times.",
+    "engine_faults": "The engine tool: the alarm screen after a fault.",
+    "modbus_scan": "The Modbus tool: the time of a scan, compared with its limit.",
+    "ring_buffer": "The receive ring, with its pointers and the bytes that it holds.",
+    "ship_design": "The ship design tool: several designs for one I/O list, compared.",
+    "valve_client": "The valve client: a command, and what the valves report.",
+    "valve_diagnosis": "The valve diagnosis: readings, their terms, and the rule that fires.",
+}
 #: A link to a cell of a notebook, and to its anchor in the book.
 CELL_LINK = (".ipynb#cell-id=", ".html#")
 CLAIM_ID = re.compile(r"\b[a-z]+\d{4}-\d{3}\b")
@@ -88,54 +101,95 @@ def papers_table(names: Iterable[str]) -> str:
 
 
 def api_pages(root: Path) -> Iterator[tuple[str, str]]:
-    """Yield (name, text) of each API page: one for shipnet, then one for each public package."""
+    """Yield (name, text) of each API page: shipnet, its public packages, their public objects."""
     package = importlib.import_module("shipnet")
     public = {name: getattr(package, name) for name in sorted(dir(package))}
     shown = [name for name, value in public.items() if isinstance(value, types.ModuleType)]
     title = "The package shipnet"
     lines = [title, "=" * len(title), "", ".. automodule:: shipnet", "   :ignore-module-all:", ""]
     for name in public.keys() - shown:
-        lines += _entry(f"shipnet.{name}", public[name], set())
+        lines += _directive(f"shipnet.{name}", public[name])
+    lines += [".. list-table::", ""]
     for name in shown:
         module = importlib.import_module(f"shipnet.{name}")
-        summary = (module.__doc__ or "").partition("\n\n")[0].replace("\n", " ")
-        lines += [f":mod:`shipnet.{name}`", f"   {summary}"]
+        lines += [f"   * - :doc:`{name} <shipnet.{name}>`", f"     - {_first_sentence(module)}"]
     lines += ["", ".. toctree::", "   :hidden:", "", *(f"   shipnet.{name}" for name in shown)]
     yield "api/shipnet.rst", "\n".join(lines) + "\n"
     seen: set[int] = set()
     for name in shown:
-        yield f"api/shipnet.{name}.rst", "\n".join(_api_page(f"shipnet.{name}", seen)) + "\n"
+        objects: dict[str, str] = {}
+        page = "\n".join(_api_page(f"shipnet.{name}", seen, objects)) + "\n"
+        yield f"api/shipnet.{name}.rst", page
+        yield from objects.items()
 
 
-def _api_page(name: str, seen: set[int], underline: str = "=") -> Iterator[str]:
-    """Yield the lines of a package's page: its docstring, its public names, its namespaces.
+def _api_page(
+    name: str, seen: set[int], objects: dict[str, str], underline: str = "="
+) -> Iterator[str]:
+    """Yield the lines of a package's page: its docstring, constants, summary and namespaces.
 
-    An object that several packages export is indexed once; `seen` has the ids of indexed objects.
+    The pages of its functions and classes are added to `objects`. An object that several packages
+    export has one page; `seen` has the ids of objects with a page.
     """
     module = importlib.import_module(name)
     yield from (name, underline * len(name), "", f".. automodule:: {name}")
     yield from ("   :ignore-module-all:", "")
     public = {one: getattr(module, one) for one in sorted(getattr(module, "__all__", []))}
-    for one, value in public.items():
-        if not isinstance(value, types.ModuleType):
-            yield from _entry(f"{name}.{one}", value, seen)
-    for one, value in public.items():
-        if isinstance(value, types.ModuleType):
-            yield ""
-            yield from _api_page(f"{name}.{one}", seen, "-")
+    spaces = [one for one, value in public.items() if isinstance(value, types.ModuleType)]
+    called = {one: value for one, value in public.items() if callable(value)}
+    if called:
+        yield from (".. list-table::", "   :class: summary", "")
+    for one, value in called.items():
+        yield f"   * - :py:obj:`{one} <{name}.{one}>`"
+        yield f"     - {_first_sentence(value)}"
+        # Some file systems do not distinguish the class Scan from the function scan.
+        taken = f"api/{name}.{one}.rst".lower() in map(str.lower, objects)
+        page = f"api/{name}.{one}{'_' * taken}.rst"
+        if id(value) not in seen:
+            seen.add(id(value))
+            title = f"{name.partition('.')[2]}.{one}"
+            lines = [":orphan:", "", title, "=" * len(title), "", f"In :mod:`{name}`.", ""]
+            objects[page] = "\n".join([*lines, *_directive(f"{name}.{one}", value)])
+    yield ""
+    for one in sorted(public.keys() - called.keys() - set(spaces)):
+        yield from _constant(f"{name}.{one}", public[one])
+    for one in spaces:
+        yield ""
+        yield from _api_page(f"{name}.{one}", seen, objects, "-")
 
 
-def _entry(name: str, value: object, seen: set[int]) -> Iterator[str]:
-    """Yield the directive that documents one public name."""
-    known = ["   :no-index:"] if id(value) in seen else []
+def _first_sentence(value: object) -> str:
+    """Return the first sentence of a docstring, on one line."""
+    text = inspect.cleandoc(value.__doc__ or "").partition("\n\n")[0].replace("\n", " ")
+    return text.partition(". ")[0].rstrip(".") + "."
+
+
+def _directive(name: str, value: object) -> list[str]:
+    """Return the directive that documents a class or function."""
     if isinstance(value, type):
-        yield from (f".. autoclass:: {name}", *known, "   :members:", "")
-    elif callable(value):
-        yield from (f".. autofunction:: {name}", *known, "")
-    else:
-        yield from (f".. py:data:: {name}", "")
-    if callable(value):
-        seen.add(id(value))
+        return [f".. autoclass:: {name}", "   :members:", ""]
+    return [f".. autofunction:: {name}", ""]
+
+
+def _constant(name: str, value: object) -> Iterator[str]:
+    """Yield the directive that documents a constant: its value, and the comment with its source."""
+    text = repr(value)
+    yield f".. py:data:: {name}"
+    if len(text) < 200:
+        yield f"   :value: {text}"
+    yield ""
+    package, _, one = name.rpartition(".")
+    for module in [
+        sys.modules[known] for known in sorted(sys.modules) if known.startswith(package)
+    ]:
+        if getattr(module, one, None) is value and getattr(module, "__file__", None):
+            comments = ModuleAnalyzer.for_module(module.__name__).find_attr_docs()
+            if comment := comments.get(("", one)):
+                yield from (f"   {line}" for line in comment)
+                break
+    if len(text) >= 200 and isinstance(value, Mapping):
+        yield f"   A mapping with the keys {', '.join(f'``{key!r}``' for key in value)}."
+    yield ""
 
 
 def glossary_page() -> str:
@@ -208,6 +262,26 @@ def anchored(notebook: str) -> str:
             lines[:] = [line.replace(*CELL_LINK) for line in lines]
         cells.append(cell)
     return json.dumps({**read, "cells": cells})
+
+
+def with_download(notebook: str, name: str, picture: str = "") -> str:
+    """Return a notebook that has a download link, and a tool's picture, in its first part."""
+    read = json.loads(notebook)
+    parts = [f"{{download}}`Download this notebook </downloads/{name}>`"]
+    if picture:
+        parts.append(f"![{picture}](/_static/tools/{Path(name).stem}.png)\n\n*{picture}*")
+    head, heading, rest = "".join(read["cells"][0]["source"]).partition("\n## ")
+    read["cells"][0]["source"] = "\n\n".join([head, *parts, ""]) + heading + rest
+    return json.dumps(read)
+
+
+def without_outputs(notebook: str) -> str:
+    """Return a notebook for a download, which its reader runs."""
+    read = json.loads(notebook)
+    for cell in read["cells"]:
+        if cell["cell_type"] == "code":
+            cell.update(outputs=[], execution_count=None)
+    return json.dumps(read, indent=1, ensure_ascii=False)
 
 
 def errata_page() -> str:
@@ -356,15 +430,21 @@ def sources(root: Path) -> dict[str, bytes]:
     files = {path.relative_to(docs).as_posix(): path.read_bytes() for path in pages}
     for path in copies.rglob("*.ipynb"):
         if path.parent.name != "solutions":  # not in the book; teachers use the notebooks
-            name = f"notebooks/{path.relative_to(copies).as_posix()}"
+            part = path.relative_to(copies).as_posix()
             text = path.read_text(encoding="utf-8")
-            files[name] = (anchored(text) if path.parent.parent.name == "papers" else text).encode()
+            files[f"downloads/{part}"] = without_outputs(text).encode()
+            text = anchored(text) if path.parent.parent.name == "papers" else text
+            files[f"notebooks/{part}"] = with_download(
+                text, part, PICTURES.get(path.stem, "")
+            ).encode()
     for path in (root / "notebooks").rglob("README.md"):
         files[path.relative_to(root).as_posix()] = path.read_bytes()
     # The data files can be downloaded; relative links in the notebooks lead to these paths.
     others = [*(root / "data").rglob("*"), root / "CHANGELOG.md"]
     for path in (path for path in others if path.is_file()):
         files[path.relative_to(root).as_posix()] = path.read_bytes()
+    # The book's root is the folder docs.
+    files["CHANGELOG.md"] = files["CHANGELOG.md"].replace(b"](docs/", b"](")
     generated = {
         "errata.md": errata_page(),
         "glossary.md": glossary_page(),

@@ -4,17 +4,29 @@ import sys
 from pathlib import Path
 
 from jinja2.sandbox import SandboxedEnvironment
-from numpydoc import docscrape_sphinx
+from numpydoc import docscrape_sphinx, xref
 
 import shipnet
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+from pages import OTHERS
 
 project = "shipnet"
 version = release = shipnet.__version__
 copyright = "the shipnet authors"
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "mathml", "captions"]
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.viewcode",
+    "numpydoc",
+    "mathml",
+    "captions",
+    "pages",
+]
+
+# Notebooks to download are files, not pages.
+exclude_patterns = ["downloads"]
 
 # The notebooks already contain their outputs.
 nb_execution_mode = "off"
@@ -34,6 +46,11 @@ autodoc_preserve_defaults = True
 autodoc_typehints = "none"
 add_module_names = False
 numpydoc_show_class_members = False
+# Of the words in a type, those of other packages become links.
+numpydoc_xref_param_type = True
+numpydoc_xref_ignore = "all"
+xref.DEFAULT_LINKS.clear()  # these need inventories from the network
+numpydoc_xref_aliases = {short: name for name in OTHERS for short in (name, name.split(".")[-1])}
 # numpydoc would create an environment and compile its template again for each docstring.
 _made: dict[str, SandboxedEnvironment] = {}
 docscrape_sphinx.SandboxedEnvironment = lambda loader: _made.setdefault(
@@ -47,6 +64,8 @@ html_title = "shipnet"
 html_math_renderer = "mathml"
 html_static_path = ["_static"]
 html_css_files = ["book.css"]
+html_js_files = ["book.js"]
+html_favicon = "_static/favicon.svg"
 html_search_scorer = str(Path(__file__).parent / "_ext" / "scorer.js")
 html_copy_source = False
 html_show_copyright = False

@@ -15,12 +15,12 @@ from __future__ import annotations
 
 import argparse
 import re
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from zipfile import ZIP_DEFLATED, ZipFile
 
 import nbformat
 from myst_nb.core.read import read_myst_markdown_notebook
@@ -28,11 +28,10 @@ from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
 import notebooks
+from shipnet.__main__ import main as command
 
 ROOT = Path(__file__).resolve().parent.parent
 LESSONS = Path("notebooks/lessons")
-#: Folders of the lessons that students do not get.
-TEACHERS = {"source", "solutions", "teaching"}
 #: A stub line, and the region that contains the solution, as nbgrader marks it.
 SOLUTION = re.compile(
     r"^(?P<stub>[^\n]*\n)[ ]*### BEGIN SOLUTION\n(?P<body>.*?)"
@@ -282,25 +281,11 @@ def derive(root: Path, numbers: list[str] | None = None) -> int:
 
 
 def handout(root: Path) -> Path:
-    """Write the ZIP file for students: notebooks without solutions, and the files they link to."""
-    kept = [
-        path
-        for path in sorted((root / "notebooks").rglob("*"))
-        if path.suffix in (".ipynb", ".md") and not TEACHERS & {*path.parts}
-        and ".ipynb_checkpoints" not in path.parts and path != root / LESSONS / "README.md"
-    ]  # fmt: skip
-    linked = {
-        found
-        for path in kept
-        for target in re.findall(r"\]\((?!\w+:|#)([^)#\s]+)", path.read_text(encoding="utf-8"))
-        if (found := (path.parent / target).resolve()).is_file()
-    }
-    written = root / "build" / "handout.zip"
-    written.parent.mkdir(exist_ok=True)
-    with ZipFile(written, "w", ZIP_DEFLATED) as archive:
-        for path in sorted({*kept, *linked}):
-            archive.write(path, f"shipnet/{path.relative_to(root).as_posix()}")
-    return written
+    """Write the ZIP file for students: the notebooks without solutions, and the data."""
+    folder = root / "build" / "handout"
+    shutil.rmtree(folder, ignore_errors=True)
+    command(["copy", str(folder / "shipnet")])
+    return Path(shutil.make_archive(str(folder), "zip", folder))
 
 
 def main(argv: list[str] | None = None, root: Path = ROOT) -> int:

@@ -28,9 +28,8 @@ In a terminal, in the folder that contains this folder "wheels":
 
     {python_command} -m venv course
     {bin}python -m pip install --no-index --find-links wheels "shipnet[notebooks]"
-    {bin}jupyter lab
-
-Copy notebooks/lessons next to "wheels"; for students, omit solutions/, source/ and teaching/.
+    {bin}shipnet copy lessons
+    {bin}jupyter lab lessons/notebooks
 """
 
 

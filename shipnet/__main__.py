@@ -12,6 +12,7 @@ from contextlib import ExitStack, contextmanager
 from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
+from shutil import copyfile
 from tempfile import TemporaryDirectory
 from textwrap import shorten
 from typing import Any, NoReturn, TextIO
@@ -474,10 +475,76 @@ def _fleet(arguments: argparse.Namespace) -> None:
     )
 
 
+def _read_as(parse: Callable[[str], Any], word: str, legal: str) -> Any:
+    """Return what `parse` makes of a word of the command line."""
+    try:
+        return parse(word)
+    except ValueError:
+        raise ArgumentError(f"WORD is {word!r}; it must be {legal}") from None
+
+
+def _frame(arguments: argparse.Namespace) -> None:
+    from shipnet import asi, can, modbus
+
+    first, *words = arguments.word
+    call, text = first.upper().replace("-", "_"), "".join(arguments.word)
+    calls = {"asi": asi.Call, "can": (), "modbus": modbus.FunctionCode}[arguments.bus]
+    numbers: Any = ()
+    if encoded := call in getattr(calls, "__members__", ()):
+        legal = "a whole number such as 21 or 0xE"
+        numbers = [_read_as(lambda word: int(word, 0), word, legal) for word in words]
+    if arguments.bus == "asi":
+        if encoded and not 1 <= len(numbers) <= 2:
+            raise ArgumentError(f"{first} requires an address, and data if the call has data")
+        if not encoded and set(text) - {"0", "1"}:
+            raise ArgumentError(f"WORD is {first!r}; it must be bits, or a call such as reset")
+        kind = asi.Request if len(text) > 7 else asi.Response
+        telegram = asi.Request(asi.Call[call], *numbers) if encoded else kind.parse(text)
+        lines = [telegram.bits, str(telegram)]
+    elif arguments.bus == "can":
+        identifier, sign, data = text.partition("#")
+        if sign:
+            number = _read_as(lambda word: int(word, 16), identifier, "an identifier such as 123")
+            content = _read_as(bytes.fromhex, data, "bytes such as 0102")
+        frame = can.Frame(number, content, len(identifier) > 3) if sign else can.decode(text)
+        fields = pd.DataFrame(frame.fields)[["name", "value", "length"]]
+        lines = [frame.bits, f"{frame}, {frame.length} bits", fields.to_string(index=False)]
+    else:
+        if encoded and len(numbers) < 3:
+            raise ArgumentError(f"{first} requires a unit id, an address, and a quantity or values")
+        if encoded:
+            unit, address, *values = numbers
+            option = "coils" if "COIL" in call else "registers"
+            content = {option: values} if "WRITE" in call else {"quantity": values[0]}
+            rtu = modbus.Request(modbus.FunctionCode[call], address, **content).rtu(unit)
+        else:
+            rtu = _read_as(bytes.fromhex, text, "a call, or bytes such as 11 03 00")
+        lines = [rtu.hex(" "), modbus.decode(rtu).table().to_string()]
+    _print("\n".join(lines))
+
+
+def _copy(arguments: argparse.Namespace) -> None:
+    from shipnet import datasets
+
+    home, target = datasets.path("claims.csv").parent.parent, Path(arguments.folder)
+    if target.exists() and not (target.is_dir() and not any(target.iterdir())):
+        raise ArgumentError(f"FOLDER is {arguments.folder!r}; it must be new or empty")
+    teachers = {"solutions", ".ipynb_checkpoints"}
+    for file in [*home.glob("notebooks/**/*.ipynb"), *home.glob("data/*.*")]:
+        part = file.relative_to(home)
+        if not teachers & set(part.parts):
+            (target / part).parent.mkdir(parents=True, exist_ok=True)
+            copyfile(file, target / part)
+    _print(f"written: {target / 'notebooks'} and {target / 'data'}")
+
+
 #: The function of each command in `commands.toml`.
 _COMMANDS = {
     run.__name__[1:]: run
-    for run in (_ledger, _decode, _check, _can, _modbus, _diagnose, _serve, _fleet, _design, _grade)
+    for run in (
+        *(_ledger, _decode, _check, _can, _modbus, _diagnose, _serve, _fleet, _design, _grade),
+        *(_frame, _copy),
+    )
 }
 
 

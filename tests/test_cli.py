@@ -18,7 +18,7 @@ from shipnet.__main__ import main
 from shipnet.papers import ledger
 
 POINTS = "tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3\n"
-COMMANDS = ("ledger", "decode", "check", "can", "modbus", "diagnose", "design", "serve", "fleet")
+COMMANDS = "ledger decode check can modbus diagnose design serve fleet frame copy".split()
 PLAN = """kind,node,to,length_m,address,profile,current_ma
 master,room,,,,,
 supply,room,,,,,
@@ -94,7 +94,7 @@ def test_summary_counts_only(capsys):
     assert len(lines) == 2 + 5
 
 
-@pytest.mark.parametrize("name", COMMANDS[:-2])
+@pytest.mark.parametrize("name", COMMANDS[:-4])
 def test_the_suffix_of_a_file_decides_its_form(name, words, tmp_path, capsys):
     files = [tmp_path / f"out{suffix}" for suffix in (".csv", ".xlsx", ".json", ".png", ".svg", "")]
     options = [word for file in files for word in ("-o", str(file))]
@@ -109,7 +109,7 @@ def test_the_suffix_of_a_file_decides_its_form(name, words, tmp_path, capsys):
     assert {f"{title}.csv" for title in tables} <= {file.name for file in folder.iterdir()}
 
 
-@pytest.mark.parametrize("name", COMMANDS[:-2])
+@pytest.mark.parametrize("name", COMMANDS[:-4])
 def test_json_is_the_result_as_data(name, words, capsys):
     assert main([*words[name], "--json"]) == 0
     streams = capsys.readouterr()
@@ -490,3 +490,51 @@ def test_the_module_runs_as_a_program_even_with_a_closed_pipe(tmp_path):
     assert reader.wait() == 0
     # The file is written even if the output is no longer read.
     assert len(file.read_text(encoding="utf-8").splitlines()) > len(ledger("lee2012"))
+
+
+@pytest.mark.parametrize(
+    ("words", "shown"),
+    [
+        ("asi data-exchange 21 0xE", asi.Request.data_exchange(21, 0xE).bits),
+        ("asi 00101010111001", "data exchange with slave 21: outputs 1110 (E)"),
+        ("asi 0001101", str(asi.Response(3))),
+        ("can 123#0102", can.Frame(0x123, b"\1\2").bits),
+        ("can 00000123#", can.Frame(0x123, extended=True).bits),
+        (f"can {can.Frame(0x7FF).bits}", "7FF#"),
+        (
+            "modbus read-holding-registers 17 0 10",
+            modbus.Request.read_holding_registers(0, 10).rtu(17).hex(" "),
+        ),
+        (
+            "modbus write-multiple-coils 1 2 1 0 1",
+            modbus.Request.write_multiple_coils(2, [1, 0, 1]).rtu(1).hex(" "),
+        ),
+        ("modbus 11 03 00 00 00 0a c7 5d", "starting address  00 00"),
+    ],
+)
+def test_a_frame_is_encoded_and_decoded(words, shown, capsys):
+    assert main(["frame", *words.split()]) == 0
+    assert shown in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("asi hello", "WORD is 'hello'; it must be bits, or a call such as reset"),
+        ("asi reset", "reset requires an address, and data if the call has data"),
+        ("asi reset 5 0 0", "reset requires an address, and data if the call has data"),
+        ("asi reset five", "WORD is 'five'; it must be a whole number such as 21 or 0xE"),
+        ("asi 001", "a response has 7 bits, but '001' has 3"),
+        ("can zz#", "WORD is 'zz'; it must be an identifier such as 123"),
+        ("can 123#1", "WORD is '1'; it must be bytes such as 0102"),
+        (
+            "modbus read-coils 1",
+            "read-coils requires a unit id, an address, and a quantity or values",
+        ),
+        ("modbus 11 0", "WORD is '110'; it must be a call, or bytes such as 11 03 00"),
+        ("modbus 11 03", "the RTU frame has 2 bytes; it must have 4..256"),
+    ],
+)
+def test_a_wrong_frame_is_answered_by_one_line(words, message, capsys):
+    assert main(["frame", *words.split()]) == 2
+    assert capsys.readouterr().err == f"shipnet: {message}\n"

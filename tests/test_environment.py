@@ -6,11 +6,14 @@ import re
 import sys
 import tomllib
 from importlib.metadata import packages_distributions
+from operator import attrgetter
 from pathlib import Path
 
 import yaml
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
+
+from docs import distribution
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -107,3 +110,34 @@ def test_versions_agree():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["version"] == version
     assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_the_repository_has_one_address():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    address = PROJECT["tool"]["hatch"]["metadata"]["hooks"]["custom"]["repository"]
+    assert citation.get("repository-code", "") == address
+
+
+def test_the_readme_of_an_index_page_has_no_link_that_leads_nowhere():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    whole = distribution.readme(text, "https://forge.example/ships/shipnet/{}/v1.2")
+    assert "![A request" in whole
+    assert "](https://forge.example/ships/shipnet/raw/v1.2/docs/_static/telegram.png)" in whole
+    assert "(https://forge.example/ships/shipnet/blob/v1.2/data/SOURCES.md)" in whole
+    for page in (whole, distribution.readme(text, "")):
+        assert set(re.findall(r"\]\((\w+:)?", page)) == {"https:"}
+    assert "ten lessons of 40" in distribution.readme(text, "")
+
+
+def test_the_new_names_of_the_upgrade_page_exist():
+    import shipnet
+
+    page = (ROOT / "docs" / "upgrade.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`.*) \| (.*) \|$", page, re.M)
+    assert len(rows) > 90
+    names = [name for _, new in rows for name in re.findall(r"`([a-z_]+\.[\w.]+)`", new)]
+    for name in names:
+        whole, _, last = name.rpartition(".")
+        parent = attrgetter(whole)(shipnet)
+        assert hasattr(parent, last) or last in parent.__dataclass_fields__, name
+    assert len(set(names)) > 90

@@ -35,6 +35,14 @@ def test_commands_exist():
             assert re.search(rf"^{target}:", makefile, re.M), target
 
 
+def test_contributors_need_ten_targets_at_most():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    guide = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    targets = set(re.findall(r"`make(?: ([a-z]+))?", guide))
+    assert len(targets) <= 10
+    assert all(re.search(rf"^{target or 'all'}:", makefile, re.M) for target in targets)
+
+
 def test_nothing_names_a_machine_or_a_registry():
     tracked = subprocess.check_output(["git", "ls-files", "-z"], cwd=ROOT, text=True)
     names = tracked.strip("\0").split("\0")

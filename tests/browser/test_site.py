@@ -115,3 +115,50 @@ def test_the_book_opens_from_the_disk_without_a_network(page, site):
     expect(page).to_have_title("shipnet", timeout=LONG)
     page.locator(".sidebar-tree").get_by_role("link", name="Ledger").click()
     expect(page.locator("tr#kim2023-004")).to_be_attached(timeout=LONG)
+
+
+def test_every_public_object_has_a_page_with_its_source(site):
+    import shipnet
+
+    pages = {path.stem: path for path in (site / "api").glob("*.html")}
+    for package in (shipnet.asi, shipnet.can, shipnet.modbus):
+        overview = pages[package.__name__].read_text(encoding="utf-8")
+        for name in package.__all__:
+            if callable(getattr(package, name)):
+                assert re.search(rf'\.html#shipnet\.[\w.]+\.{name}"', overview), name
+    assert "_modules/shipnet/asi/timing.html" in pages["shipnet.asi.cycle_time"].read_text("utf-8")
+    # The class and the function differ on file systems that ignore case, too.
+    assert {"shipnet.modbus.Scan", "shipnet.modbus.scan_"} <= pages.keys()
+    assert "6e-06" in pages["shipnet.asi"].read_text("utf-8")
+
+
+def test_a_notebook_is_downloaded_without_its_outputs(page, url):
+    page.goto(f"{url}/notebooks/papers/kim2023/1_telegrams.html")
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Download this notebook").click(timeout=LONG)
+    text = download.value.path().read_text(encoding="utf-8")
+    assert download.value.suggested_filename == "1_telegrams.ipynb"
+    assert '"outputs": []' in text
+    assert "image/png" not in text
+
+
+def test_the_ledger_is_filtered_by_words(page, url):
+    page.goto(f"{url}/ledger.html")
+    rows = page.locator("table.claims tbody tr:visible")
+    everything = rows.count()
+    page.get_by_label("Filter the claims").fill("kim2023 INCONSISTENT")
+    assert 0 < rows.count() < everything / 10
+    expect(page.locator("output")).to_have_text(re.compile(rf"^{rows.count()} of {everything} "))
+    page.get_by_label("Filter the claims").fill("")
+    assert rows.count() == everything
+
+
+def test_code_is_copied_without_prompts(page, url):
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    page.goto(f"{url}/api/shipnet.asi.cycle_time.html")
+    page.locator("div.highlight").first.hover()
+    page.get_by_role("button", name="Copy").first.click(timeout=LONG)
+    expect(page.get_by_role("button", name="Copied")).to_be_visible(timeout=LONG)
+    copied = page.evaluate("navigator.clipboard.readText()")
+    assert copied.strip()
+    assert ">>>" not in copied
