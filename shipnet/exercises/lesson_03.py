@@ -66,7 +66,6 @@ def _mistaken(bits: str, generator: str) -> dict[str, object]:
         "append four zeros, not five": _remainder(bits + "00000", generator),
         "is your generator written backwards?": _check_bits(bits, generator[::-1]),
         "subtract without carries, bit by bit": f"{int(row, 2) % int(generator, 2):04b}",
-        "write the check bits from left to right, like the bits": right[::-1],
         "you used the generator in the text; yours is longer": _check_bits(bits, _SHORTER),
     }
 
