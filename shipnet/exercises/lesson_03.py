@@ -59,7 +59,6 @@ def _check_bits(bits: str, generator: str) -> str:
 
 def _mistaken(bits: str, generator: str) -> dict[str, object]:
     row = bits + "0000"
-    right = _check_bits(bits, generator)
     return {
         "first append four zeros to the bits, then divide": _remainder(bits, generator),
         "append four zeros, not three": _remainder(bits + "000", generator),
