@@ -39,11 +39,14 @@ SOLUTION = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 EXERCISE = re.compile(r"ex-\d\d-\d+")
+#: Where a Markdown cell begins anew: at headings of level 2 or 3, and at the questions.
+PART = re.compile(r"^(?=###? |\*\*Questions\*\*)", re.MULTILINE)
 
 #: Pace of a class that reads in a second language, including figures and discussion: words and
-#: lines of code per minute; minutes per prediction, and per exercise with its text. These
-#: values are close to estimates by reviewers of the lessons; no class was timed.
-WORDS, LINES, PREDICTION, TASK = 50, 10, 1, 6
+#: lines of code per minute; minutes per prediction, per function to write in class, and per
+#: exercise with its text. These values are close to estimates by reviewers of the lessons; no
+#: class was timed.
+WORDS, LINES, PREDICTION, FUNCTION, TASK = 50, 10, 1, 5, 6
 #: The parts that are homework, and those whose duration is not counted.
 HOME, QUESTIONS, UNREAD = "At home", "**Questions**", ("Words", "References")
 HEADING = re.compile("^## (.+)$", re.MULTILINE)
@@ -83,7 +86,18 @@ def read(path: Path) -> NotebookNode:
         if cell.cell_type == "markdown":
             text = cell.source.replace(TIME, f"{in_class} minutes in class, {home} at home")
             cell.source = HEADING.sub(lambda found: _timed(found[0], parts[found[1]]), text)
+    notebook.cells = list(_split(notebook.cells))
     return notebook
+
+
+def _split(cells: list[NotebookNode]) -> Iterator[NotebookNode]:
+    """Yield the cells, beginning a new one at each heading."""
+    for cell in cells:
+        if cell.cell_type == "markdown":
+            for text in filter(str.strip, PART.split(cell.source)):
+                yield nbformat.from_dict({**cell, "source": text.rstrip("\n")})
+        else:
+            yield cell
 
 
 def stub(source: str) -> str:
@@ -111,13 +125,15 @@ class Part:
     tasks: int = 0
     homework: int = 0
     predictions: int = 0
+    functions: int = 0
 
     @property
     def minutes(self) -> float:
         """Duration [min], without the exercises that are marked as homework."""
         if self.tasks:
             return self.tasks * TASK
-        return self.words / WORDS + self.lines / LINES + self.predictions * PREDICTION
+        reading = self.words / WORDS + self.lines / LINES
+        return reading + self.predictions * PREDICTION + self.functions * FUNCTION
 
 
 def measure(lesson: NotebookNode) -> dict[str, Part]:
@@ -135,6 +151,7 @@ def measure(lesson: NotebookNode) -> dict[str, Part]:
                 continue
             part.words += sum(any(map(str.isalnum, word)) for word in line.split())
             part.predictions += line.count("**Predict") + line.count("**Try it")
+            part.functions += line.count("**Write it")
             if re.match(r"\*\*\d", line):
                 part.homework += "at home" in line
                 part.tasks += "at home" not in line
@@ -280,11 +297,25 @@ def derive(root: Path, numbers: list[str] | None = None) -> int:
     return failed
 
 
+def unspoiled(notebook: NotebookNode) -> NotebookNode:
+    """Remove the outputs between a question that students answer first and the next heading."""
+    asked = False
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            questions = re.search(r"\*\*(Predict|Try it|Write it)", cell.source)
+            asked = bool(questions) or (asked and not PART.search(cell.source))
+        elif cell.cell_type == "code" and asked:
+            cell.outputs, cell.execution_count = [], None
+    return notebook
+
+
 def handout(root: Path) -> Path:
-    """Write the ZIP file for students: the notebooks without solutions, and the data."""
+    """Write the ZIP file for students: notebooks without solutions and spoilers, and the data."""
     folder = root / "build" / "handout"
     shutil.rmtree(folder, ignore_errors=True)
     command(["copy", str(folder / "shipnet")])
+    for path in folder.rglob("*.ipynb"):
+        nbformat.write(unspoiled(nbformat.read(path, as_version=4)), path)
     return Path(shutil.make_archive(str(folder), "zip", folder))
 
 

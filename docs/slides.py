@@ -33,8 +33,6 @@ MOST_LINES = 8
 TALLEST = 30
 #: The line with the minutes of a section, shown in the speaker view but not on the slide.
 MINUTES = re.compile(r"^\*\d+ minutes?\.\*\n*", re.MULTILINE)
-#: Where a Markdown cell is split into several slides.
-PART = re.compile(r"^(?=###? |\*\*Questions\*\*)", re.MULTILINE)
 #: Formulas in rendered Markdown, except in code.
 FORMULA = re.compile(r"(<code>.*?</code>|<pre.*?</pre>)|\$\$(.+?)\$\$|\$(.+?)\$", re.DOTALL)
 
@@ -54,15 +52,11 @@ def _formula(found: re.Match[str]) -> str:
     return tex2mathml(latex, as_block=bool(found[2]))
 
 
-def split(notebook: NotebookNode) -> None:
-    """Start a new cell at each heading of level 2 or 3, and at the questions."""
-    cells = []
+def untimed(notebook: NotebookNode) -> None:
+    """Remove the minutes of the sections."""
     for cell in notebook.cells:
-        text = MINUTES.sub("", cell.source)
-        texts = PART.split(text) if cell.cell_type == "markdown" else [cell.source]
-        for k, text in enumerate(text for text in texts if text.strip()):
-            cells.append(nbformat.from_dict({**cell, "id": f"{cell.id}-{k}", "source": text}))
-    notebook.cells = cells
+        if cell.cell_type == "markdown":
+            cell.source = MINUTES.sub("", cell.source)
 
 
 def mark(notebook: NotebookNode) -> None:
@@ -145,7 +139,7 @@ def add_notes(notebook: NotebookNode, lesson: NotebookNode) -> None:
 def write(root: Path, source: Path) -> Path:
     """Write the slides of a lesson from its students' edition, which contains the outputs."""
     notebook = nbformat.read(root / editions.LESSONS / f"{source.stem}.ipynb", as_version=4)
-    split(notebook)
+    untimed(notebook)
     mark(notebook)
     add_notes(notebook, editions.read(source))
     notebook.metadata["title"] = notebook.cells[0].source.partition("\n")[0].removeprefix("# ")

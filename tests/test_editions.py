@@ -6,6 +6,7 @@ from zipfile import ZipFile
 
 import nbformat
 import pytest
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
 from docs import editions, graders, slides
 
@@ -195,7 +196,7 @@ def test_the_notes_of_a_lesson_take_as_long_as_the_lesson():
     for path in editions.sources():
         lesson = editions.read(path)
         notebook = editions.student_edition(lesson)
-        slides.split(notebook)
+        slides.untimed(notebook)
         slides.mark(notebook)
         slides.add_notes(notebook, lesson)
         ends = re.findall(r"Minutes \d+ to (\d+)", " ".join(cell.source for cell in notebook.cells))
@@ -213,3 +214,44 @@ def test_the_hand_out_has_no_solution_and_no_broken_link():
         if "/notebooks/" in name:
             for target in re.findall(r"\]\((?!\w+:|#)([^)#\s]+)", text):
                 assert normpath(f"{name}/../{target}") in texts
+
+
+def test_the_hand_out_has_no_output_below_a_prediction():
+    shown = 0
+    with ZipFile(editions.handout(editions.ROOT)) as archive:
+        for name in archive.namelist():
+            if not re.search(r"/lessons/\d\d_", name):
+                continue
+            cells = nbformat.reads(archive.read(name).decode(), as_version=4).cells
+            kinds = [cell.cell_type for cell in cells]
+            asked = [
+                k
+                for k, cell in enumerate(cells)
+                if re.search(r"\*\*(Predict|Try it|Write it)", cell.source)
+            ]
+            assert len(asked) >= 3, name
+            for place in asked:
+                below = cells[kinds.index("code", place)]
+                heading = any(
+                    c.source.startswith("#") for c in cells[place + 1 : cells.index(below)]
+                )
+                assert heading or not below.outputs, below.source
+            shown += sum(bool(cell.get("outputs")) for cell in cells)
+    assert shown >= 10
+
+
+def test_outputs_return_below_the_next_heading():
+    question, heading = new_markdown_cell("**Predict** it."), new_markdown_cell("## Next")
+    caption = new_markdown_cell("*A caption.*")
+    ran = [
+        new_code_cell("1", execution_count=k, outputs=[new_output("stream", text="1")])
+        for k in (1, 2, 3, 4)
+    ]
+    cells = [ran[0], question, ran[1], caption, ran[2], heading, ran[3]]
+    kept = editions.unspoiled(new_notebook(cells=cells)).cells
+    assert [bool(cell.outputs) for cell in kept if cell.cell_type == "code"] == [
+        True,
+        False,
+        False,
+        True,
+    ]

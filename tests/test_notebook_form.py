@@ -74,11 +74,13 @@ def faults(notebook, kind):
             continue
         number += 1
         found += [f"cell {place}: {fault}" for fault in cell_faults(cell, number)]
-    most = 110 if kind == "course" else 180
+    # Statements that a beginner can read, one step each, take more lines than clever ones.
+    most = 120 if kind == "course" else 180
     if (lines := sum(len(cell.source.splitlines()) for cell in code(notebook))) > most:
         found.append(f"{lines} lines of code, more than {most}; they belong in the package")
-    if kind == "course" and not 25 <= len(notebook.cells) <= 50:
-        found.append(f"{len(notebook.cells)} cells, not 25 to 50")
+    # A cell of text has one idea; the minutes of class limit the length of a lesson.
+    if kind == "course" and not 25 <= len(notebook.cells) <= 80:
+        found.append(f"{len(notebook.cells)} cells, not 25 to 80")
     return found
 
 

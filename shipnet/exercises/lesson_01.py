@@ -20,15 +20,6 @@ def _levels(bits: str) -> str:
     return "".join(map(str, Modulation(bits).levels))
 
 
-def _differential(bits: str) -> str:
-    """Return the levels that a differential Manchester code would give."""
-    level, out = 0, ""
-    for bit in bits:
-        level ^= bit == "0"
-        out += f"{level}{1 - level}"
-    return out
-
-
 @solution("ex-01-1", "levels_1", bits=_WORDS)
 def levels(bits: str) -> Solution:
     """Levels of the given bits on the line."""
@@ -39,12 +30,11 @@ def levels(bits: str) -> Solution:
         "write the half-bits from left to right, like the bits": right[::-1],
         "that is one level per bit; how many half-bits does a bit have?": bits,
         "these are plain levels: what changes within a bit?": "".join(2 * bit for bit in bits),
-        "each bit is coded on its own: the previous bit makes no difference": _differential(bits),
         "Take one bit at a time: which level does a 0 start with, and which does a 1?": ANY,
     }
 
 
-@solution("ex-01-2", "time_us", n_bits=range(7, 22), rate=(50, 125, 200, 250, 400))
+@solution("ex-01-2", "time_us", n_bits=range(15, 29), rate=(50, 125, 200, 250, 400))
 def telegram_time(n_bits: int, rate: int) -> Solution:
     """Duration of a telegram of equal bits, which has no edges, at a rate in kbit/s."""
     right = 1e3 * n_bits / rate
@@ -55,6 +45,8 @@ def telegram_time(n_bits: int, rate: int) -> Solution:
         "more bits take longer: what is divided by what?": rate / n_bits,
         "a higher rate makes a telegram shorter, not longer": n_bits * rate,
         "6 us is the bit time of AS-i; this bus has another rate": 6 * n_bits,
+        "14 bits are the telegram in the lesson; how many has yours?": 14e3 / rate,
+        "plain levels have no half-bits": right / 2,
         "Which data give no edge at all? Start with one bit: how long does it last?": ANY,
     }
 

@@ -60,7 +60,7 @@ def cable_ends(echoes: tuple[float, ...]) -> Solution:
     "ex-02-2",
     "echo_us",
     length=range(60, 321, 20),
-    delay=(5.0, 5.5, 6.0, 6.5, 7.0),
+    delay=(5.0, 5.5, 6.0, 7.0, 7.5),
     place=(5, 10, 15),
 )
 def echo_time(length: int, delay: float, place: int) -> Solution:
@@ -74,7 +74,7 @@ def echo_time(length: int, delay: float, place: int) -> Solution:
         "that is from 0 m to the end and back; where is the valve?": 2 * length * per_metre,
         "that is when the echo arrives; when does the signal arrive?": (2 * length - place)
         * per_metre,
-        "you used the speed of light in air; your cable has its own delay": 2 * beyond / 299.79,
+        "you used the delay of the lesson's cable; yours has its own": 2 * beyond * 6.5e-3,
         "Draw the paths of signal and echo: how many metres longer is the echo's path?": ANY,
     }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import combinations, pairwise
-from math import ceil, log, log2
+from math import ceil, log, log2, log10
 from random import Random
 
 from shipnet.asi.telegram import frame
@@ -59,14 +59,12 @@ def _check_bits(bits: str, generator: str) -> str:
 
 def _mistaken(bits: str, generator: str) -> dict[str, object]:
     row = bits + "0000"
-    right = _check_bits(bits, generator)
     return {
         "first append four zeros to the bits, then divide": _remainder(bits, generator),
         "append four zeros, not three": _remainder(bits + "000", generator),
+        "append four zeros, not five": _remainder(bits + "00000", generator),
         "is your generator written backwards?": _check_bits(bits, generator[::-1]),
         "subtract without carries, bit by bit": f"{int(row, 2) % int(generator, 2):04b}",
-        "write the check bits from left to right, like the bits": right[::-1],
-        "every bit is inverted; give the plain remainder": right.translate(_TURNED),
         "you used the generator in the text; yours is longer": _check_bits(bits, _SHORTER),
     }
 
@@ -119,7 +117,9 @@ _TRIED = [
 def distance() -> Solution:
     """Hamming distance of the given words."""
     return Function(_distance, _TRIED, lambda right: Whole(right, "places")), {
-        "a word does not differ from itself: compare different words only": lambda words: 0,
+        "0 for different words? Compare no word with itself, and do not start the smallest at 0": (
+            lambda words: 0
+        ),
         "compare all pairs, not only neighbours": lambda words: min(_between(pairwise(words))),
         "compare all pairs, not only neighbours after sorting": (
             lambda words: min(_between(pairwise(sorted(words))))
@@ -152,5 +152,7 @@ def crc_width(hits: int, years: int) -> Solution:
         "that is for one day; how many days are there?": ceil(log2(hits)),
         "that is the number of messages; with n check bits, one in how many passes?": messages,
         "the natural logarithm does not count halvings": ceil(log(messages)),
+        "the logarithm to base 10 does not count halvings": ceil(log10(messages)),
+        "with one bit less, does still fewer than one message pass?": width + 1,
         "How many messages are hit in total? What fraction passes with one check bit?": ANY,
     }

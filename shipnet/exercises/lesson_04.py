@@ -10,7 +10,7 @@ _BIT = 6
 
 
 @solution(
-    "ex-04-1", "exchange_us", master_pause=(2, 2.5, 3.5, 4, 4.5, 5, 6), slave_pause=(1.5, 2, 2.5)
+    "ex-04-1", "exchange_us", master_pause=(4, 4.5, 5, 5.5, 6, 6.5, 7), slave_pause=(1.5, 2, 2.5)
 )
 def transaction(master_pause: float, slave_pause: float) -> Solution:
     """Time from one request to the next."""
@@ -25,6 +25,7 @@ def transaction(master_pause: float, slave_pause: float) -> Solution:
         "does the response have as many bits as the request?": right + 7 * _BIT,
         "that is in bit times; how long is a bit time?": right / _BIT,
         "stop at the start of the next request: count only one request": right + 14 * _BIT,
+        "those are the pauses in the figure; how long are yours?": 26 * _BIT,
         "List the parts from one request to the next, with their bit times, and add them up": ANY,
     }
 

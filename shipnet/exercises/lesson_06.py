@@ -93,6 +93,9 @@ def scan_time() -> Solution:
             lambda *case: _scan(*case) - case[0] * SerialLine(case[2]).t35
         ),
         "the silences are missing": lambda *case: _scan_with(0, *case),
+        "at 19200 bit/s itself, the silence is still 3.5 characters": (
+            lambda n, k, rate: _scan(n, k, rate) - (rate == 19200) * n * (77 / rate - 3.5e-3)
+        ),
         "count the bits of 8E1 again: start, data, parity, stop": (
             lambda *case: _scan(*case, character="8N1")
         ),

@@ -297,3 +297,22 @@ def test_a_folder_without_notebooks_is_refused(make, tmp_path, capsys):
         folder.mkdir()
     assert main(["grade", str(folder)]) == 2
     assert "there is no" in capsys.readouterr().err
+
+
+def test_moodle_can_map_the_columns_of_the_csv_file(tmp_path):
+    folder = tmp_path / "handed_in"
+    folder.mkdir()
+    names = {"Ann.Lee@ship.example": 4, "ben2026": 1}
+    write(folder / "a.ipynb", *solution(4, "Ann.Lee@ship.example"))
+    write(folder / "b.ipynb", ME.replace("Ann", "ben2026"), RIGHT, *checks(4))
+    assert main(["grade", str(folder), "-o", str(tmp_path / "grades.csv")]) == 0
+    with open(tmp_path / "grades.csv", encoding="utf-8-sig", newline="") as file:
+        header, *rows = csv.reader(file)
+    keys = [f"ex-04-{k}" for k in (1, 2, 3, 4)]
+    assert header == ["name", "file", *keys, "points", "flags"]
+    table = [dict(zip(header, row, strict=True)) for row in rows]
+    # Moodle looks a user up by the exact text, and reads a grade as a number.
+    assert {row["name"]: float(row["points"]) for row in table} == {
+        name.lower(): points for name, points in names.items()
+    }
+    assert all(row[key] in ("0", "1") for row in table for key in keys)

@@ -51,6 +51,19 @@ def test_questions_that_test_an_objective_stand_under_its_lesson(rows):
             assert under[int(question)] == int(lesson)
 
 
+def test_each_lesson_has_a_plan_of_one_page():
+    text = (KIT / "plans.md").read_text(encoding="utf-8")
+    parts = re.split(r"^## (.+)$", text, flags=re.MULTILINE)
+    plans = dict(zip(parts[1::2], parts[2::2], strict=True))
+    titles = [path.read_text("utf-8").partition("\n")[0][2:] for path in editions.sources()]
+    assert list(plans) == titles
+    for path, plan in zip(editions.sources(), plans.values(), strict=True):
+        for part in ("**Board.**", "**Expected wrong predictions**", "**At minute 35.**"):
+            assert part in plan
+        assert ("**Write it.**" in plan) == ("**Write it.**" in path.read_text("utf-8"))
+        assert plan.count("\n- ") >= 3 and len(plan.split()) <= 300
+
+
 def test_answers_of_the_exam_are_what_its_code_prints():
     names = {}
     preamble, *answers = blocks(EXAM)
