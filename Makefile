@@ -11,7 +11,7 @@
 # make lab        open JupyterLab
 # make app        serve the interactive tools of notebooks/explore/ as web pages, with an index
 # make bench      compare speed with other programs; plot how main jobs scale: build/growth.html
-# make fuzz       feed hostile bytes to every reader and decoder (ten minutes)
+# make fuzz       feed large and hostile bytes to every reader and decoder (half an hour)
 # make mutants    make small changes to the code; a test or the ledger must detect them (an hour)
 # make clients    test how third-party Modbus clients handle faults on the wire (five minutes)
 # make lock       regenerate requirements.lock

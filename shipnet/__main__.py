@@ -17,6 +17,7 @@ from textwrap import shorten
 from typing import Any, NoReturn, TextIO
 
 from shipnet.errors import ArgumentError, InputError, load_extra
+from shipnet.files import complete
 from shipnet.lazy import pd
 from shipnet.results import FORMS, Answer, check_output, encodable, printable
 from shipnet.tables import as_csv
@@ -231,21 +232,51 @@ def _can(arguments: argparse.Namespace) -> Answer:
 
 
 def _modbus(arguments: argparse.Namespace) -> Answer:
+    from shipnet.modbus.electrical import Rs485
     from shipnet.modbus.polling import scan
 
+    if (arguments.table is None) == (arguments.slaves is None):
+        raise ArgumentError("give either a TABLE or --slaves and --registers")
+    loads, bias = arguments.unit_loads, arguments.bias
+    stub, rise = arguments.stub, arguments.rise_time
     names = ("registers", "bit_rate", "dead", "processing", "timeout", "retries", "limit")
-    if arguments.junit and arguments.limit is None:
-        raise ArgumentError("--junit requires --limit")
     character = {"E": "8E1", "O": "8O1", "N": "8N2"}.get(arguments.character, arguments.character)
     options = {name: getattr(arguments, name) for name in names}
-    result = scan(arguments.slaves, character=character, **options)
+    result = scan(arguments.table or arguments.slaves, character=character, **options)
+    if arguments.junit and result.ok is None and arguments.length is None:
+        raise ArgumentError("--junit requires --limit, --length or a table with wanted periods")
+    if arguments.length is None and any((loads, bias, stub, rise)):
+        raise ArgumentError("--unit-loads, --bias, --stub and --rise-time require --length")
     numbers = {
         "scan_time": (result.time, "s"),
         "slave_time": (result.slave_time, "s"),
         "dead_slave_time": (result.dead_time, "s"),
         "bus_time": (result.bus_time, "1"),
     }
-    return _answer(result, numbers, bit_rates=result.table().reset_index())
+    slaves = result.slaves().reset_index()
+    judged = slaves.loc[slaves["met"].notna(), ["slave", "met"]].to_numpy()
+    cases = [(str(name), "" if met else "updated too late", False) for name, met in judged]
+    if arguments.limit is not None:
+        late = result.time > arguments.limit
+        cases.append(("scan", f"{result.time:.3f} s exceeds {arguments.limit:g} s" * late, False))
+    more: Any = {"slaves": slaves} if arguments.table else {}
+    more |= {"bit_rates": result.table().reset_index()}
+    more |= {"reading": pd.DataFrame({"how the table was read": result.remarks})}
+    answer = _answer(result, numbers, **more)._replace(cases=cases)
+    if arguments.length is None:
+        return answer
+    serial = {row.unit: row.number for row in result.rows if not row.unit[0]}
+    loads = sum(serial.values()) + 1 if loads is None else loads
+    ends = arguments.terminator or None
+    line = Rs485(arguments.length, arguments.bit_rate, loads, ends, bias, stub, rise)
+    findings = line.check()
+    return answer._replace(
+        ok=findings.ok if result.ok is None or findings.ok is False else result.ok,
+        verdict=f"{answer.verdict}; RS-485: {findings.verdict}",
+        text=f"{answer.text}\n\nRS-485: {findings}",
+        tables={**answer.tables, "rs485": findings.table()},
+        findings=findings,
+    )
 
 
 def _diagnose(arguments: argparse.Namespace) -> Answer:
@@ -314,10 +345,16 @@ def _serve(arguments: argparse.Namespace) -> None:
     from shipnet.fields import check_scalar, check_whole
 
     # The models and pymodbus load slowly, so arguments that need neither are checked first.
-    engine = arguments.device == "engine"
+    engine, table = arguments.device == "engine", arguments.device not in ("ballast", "engine")
     if arguments.udp and arguments.serial is not None:
         raise ArgumentError("--udp and --serial cannot be combined")
-    if engine and arguments.watchdog is not None:
+    if table and not arguments.device.endswith((".csv", ".xlsx")):
+        raise ArgumentError(
+            f"DEVICE is {arguments.device!r}; it must be ballast, engine or a table"
+        )
+    if table and arguments.fault:
+        raise ArgumentError("--fault applies to ballast and engine; a table has columns for faults")
+    if arguments.device != "ballast" and arguments.watchdog is not None:
         raise ArgumentError("--watchdog applies to ballast only, where it stops a valve's motor")
     n_valves = check_whole("--valves", arguments.valves, 1, 247)
     check_whole("--port", arguments.port, 0, 0xFFFF)
@@ -345,7 +382,12 @@ def _serve(arguments: argparse.Namespace) -> None:
         where = where.replace("TCP", "UDP")
     options["speed"] = arguments.speed
     options["wire_faults"] = [WireFault.parse(text) for text in arguments.wire_fault]
-    if engine:
+    if table:
+        from shipnet.modbus.server import serve as serve_table
+
+        server = serve_table(arguments.device, **options)
+        units = f"unit ids {', '.join(map(str, server.slaves))}"
+    elif engine:
         from shipnet.engine.serving import FAULT_UNIT, parse_fault
         from shipnet.engine.serving import serve as serve_engine
         from shipnet.engine.system import System
@@ -572,7 +614,8 @@ def _shown(arguments: argparse.Namespace, answer: Answer, name: str) -> str:
     # The files are written before anything is printed, because the reader of the output may stop.
     for file in arguments.output:
         if file != "-":
-            answer.save(file, arguments.command)
+            with complete(file) as new:
+                answer.save(new, arguments.command)
     if "-" in arguments.output:
         return as_csv(next(iter(answer.tables.values()))).decode("utf-8-sig").rstrip("\n")
     if arguments.junit:

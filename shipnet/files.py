@@ -1,9 +1,15 @@
-"""Opening files that others wrote: no pipe is waited for, and no huge file fills the memory."""
+"""Reading files that others wrote, and writing files as a whole or not at all.
+
+No pipe is waited for, and no huge file fills the memory.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from os import PathLike, fstat
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import IO
 
 from shipnet.errors import InputError
@@ -38,3 +44,26 @@ def read_bytes(path: str | PathLike[str], most: int = LARGEST_TABLE) -> bytes:
     """Return the content of a regular file of at most `most` bytes, or raise InputError."""
     with open_file(path, most) as stream:
         return stream.read(most)
+
+
+@contextmanager
+def complete(path: str) -> Iterator[str]:
+    """Yield a path for a file or folder that replaces `path` when it is complete.
+
+    A folder keeps its other files. After an error nothing has changed.
+    """
+    target = Path(path).resolve()
+    try:
+        if target.exists() and not (target.is_file() or target.is_dir()):
+            yield path  # a device is not replaced
+            return
+        beside = target if target.is_dir() else target.parent
+        with TemporaryDirectory(prefix=".shipnet-", dir=beside) as folder:
+            new = Path(folder, f"new{Path(path).suffix}")
+            yield str(new)
+            for part in filter(Path.is_file, [new, *new.rglob("*")]):
+                file = target / part.relative_to(new)
+                file.parent.mkdir(parents=True, exist_ok=True)
+                part.replace(file)
+    except OSError as error:
+        raise InputError(path, f"cannot be written: {error.strerror or error}") from None

@@ -24,8 +24,8 @@ class Answer(NamedTuple):
 
     A ``.csv`` file contains only the first of the `tables`; a workbook or folder contains all.
     `forms` maps other suffixes to the functions that write such files. Each of the `cases` for
-    JUnit is a name, the failure ("" for none), and whether it was not verified; without cases, each
-    finding is one, or else the whole answer.
+    JUnit is a name, the failure ("" for none), and whether it was not verified; each finding is a
+    further one. Without any, the whole answer is one.
     """
 
     ok: bool | None
@@ -59,8 +59,8 @@ class Answer(NamedTuple):
     def junit(self, command: str, file: str) -> str:
         """Return the result as a test suite of JUnit XML, with one test per case."""
         cases = self.cases or [(command, "" if self.ok else self.verdict, False)]
-        if self.findings is not None and not self.cases:
-            cases = [
+        if self.findings is not None:
+            cases = [*self.cases] + [
                 (f"{row.rule}: {row.object}", _failure(row), bool(row.verdict == "not verified"))
                 for row in self.findings.table().itertuples()
             ]

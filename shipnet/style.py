@@ -104,14 +104,14 @@ def limit(ax: Axes, level: float, name: str) -> None:
     """Draw a limit as a horizontal line with its name to the right of the axes."""
     ax.axhline(level, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
     beside = ax.get_yaxis_transform()
-    ax.text(1.01, level, name, transform=beside, color=LIMIT["color"], va="center")
+    ax.text(1.01, level, literal(name), transform=beside, color=LIMIT["color"], va="center")
 
 
 def moment(ax: Axes, x: float, name: str) -> None:
     """Draw a limit as a vertical line with its name at the top."""
     ax.axvline(x, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
     top = ax.get_xaxis_transform()
-    ax.text(x, 0.98, f" {name}", transform=top, color=LIMIT["color"], va="top")
+    ax.text(x, 0.98, f" {literal(name)}", transform=top, color=LIMIT["color"], va="top")
 
 
 def legend(ax: Axes, columns: int = 4, **options: Any) -> None:

@@ -47,6 +47,10 @@ _BYTES, _ELEMENTS = (2**24, 24), (2**17, 0.5)
 _OF_CELLS = re.compile(rb"<(?:\w{1,9}:)?(?:row|c|v|f|is|si|t|r|rPr|rPh|phoneticPr)[\s/>]")
 _OTHERS = 2**16
 
+#: Beginnings of the names of parts that are not read, in which only bytes are counted: a comment
+#: has 20 elements. No sheet may have such a name.
+_UNREAD = ("xl/comments", "xl/threadedComments/", "xl/drawings/")
+
 #: Maximum numbers of cells in a table, including gaps, of its filled rows and columns, and of the
 #: sheets of a workbook; and the last row of any sheet.
 MOST_CELLS, _ROWS, _COLUMNS, _SHEETS, _LAST = 2**22, 2**16, 1024, 256, 2**20
@@ -218,11 +222,12 @@ def parse_sheet(
     if not worth:
         empty = not text.strip(_BLANK)
         raise InputError(source, f"{'is empty; expected a' if empty else 'has no'} row of {what}")
-    usual = csv.field_size_limit(len(text) + 1)  # a longer cell is refused below, with its place
+    first, rows = list[list[str]](), list[tuple[int, list[str]]]()
+    number = 0
     try:
         # A row has several lines if a cell contains line breaks.
-        first = [list(map(cell_text, r)) for r in csv.reader(lines[:above], delimiter=separator)]
-        rows, number = list[tuple[int, list[str]]](), len(first)
+        reader = csv.reader(lines[:above], delimiter=separator)
+        first.extend(list(map(cell_text, cells)) for cells in reader)
         reader = csv.reader(lines[above:], delimiter=separator, strict=True)
         for number, row in enumerate(reader, len(first) + 1):
             cells = list(map(cell_text, row))
@@ -230,9 +235,8 @@ def parse_sheet(
                 _check_row(source, len(rows), number, cells)
                 rows.append((number, cells))
     except csv.Error as error:
-        raise InputError(source, f"is not a CSV file: {error}, in row {number + 1}") from None
-    finally:
-        csv.field_size_limit(usual)
+        place = max(number, len(first)) + 1
+        raise InputError(source, f"is not a CSV file: {error}, in row {place}") from None
     (top, titles), *rows = rows
     filled = [(number, cells) for number, cells in enumerate(first, 1) if any(cells)]
     return Sheet(source, top, _trim(titles), rows, separator, above=filled)
@@ -416,7 +420,7 @@ class _Workbook:
 
     def __init__(self, archive: ZipFile, reader: Any) -> None:
         self._archive, self._reader = archive, reader
-        existing = set(archive.namelist())
+        existing = {name for name in archive.namelist() if not name.startswith(_UNREAD)}
         sheets = [
             (sheet, relation.target)
             for sheet, relation in reader.parser.find_sheets()
@@ -528,7 +532,8 @@ def _strings(archive: ZipFile, package: Any) -> list[str]:
     from openpyxl.xml.constants import SHARED_STRINGS
 
     strings, kind = list[str](), cast(Any, Text)
-    if (table := package.find(SHARED_STRINGS)) is not None:
+    table = package.find(SHARED_STRINGS)
+    if table is not None and not table.PartName[1:].startswith(_UNREAD):
         with archive.open(table.PartName[1:]) as part:
             for element in _elements(part):
                 if element.tag.endswith("}si"):
@@ -574,9 +579,10 @@ def _check_parts(archive: ZipFile, size: int) -> None:
             before = b""
             while chunk := part.read(2**16):
                 unpacked += len(chunk)
-                more = chunk.count(b"<") - chunk.count(b"</")
-                elements += more
-                others += more - len(_OF_CELLS.findall(chunk))
+                if not name.startswith(_UNREAD):
+                    more = chunk.count(b"<") - chunk.count(b"</")
+                    elements += more
+                    others += more - len(_OF_CELLS.findall(chunk))
                 if unpacked > min(_UNPACKED, most):
                     raise ValueError(f"it unpacks to more than {min(_UNPACKED, most)} bytes")
                 if elements > most_elements:

@@ -5,20 +5,36 @@ it, and `make fuzz` reports how the time of each reader grows.
 """
 
 import csv
+import json
 import os
 import random
+import re
 import signal
 from contextlib import contextmanager, suppress
+from functools import partial
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 import openpyxl
 import pytest
 
-from shipnet import asi, ballast, can, datasets, design, engine, files, fuzzy, line, remote_control
+from shipnet import (
+    asi,
+    ballast,
+    can,
+    datasets,
+    design,
+    engine,
+    files,
+    fuzzy,
+    line,
+    remote_control,
+    style,
+)
 from shipnet.__main__ import main
 from shipnet.errors import ArgumentError, FrameError, InputError
 from tests.fuzz.targets import TARGETS
+from tests.objects import made
 
 REFUSALS = (ArgumentError, FrameError, InputError)
 
@@ -58,6 +74,49 @@ COMMANDS = {
     "design {}": (".xlsx", "I/O list.xlsx"),
     "design list.csv --settings {}": (".toml", "settings"),
     "design list.csv --rules {}": (".csv", "class rules"),
+}
+
+#: For each option of the commands that read no file, values that it refuses.
+_NUMBERS = ["", "x", "nan", "inf", "-1", "1e999", "9" * 5000, "\0", "1,1", "1k1"]
+_WORDS = ["", ":", "3", "3:", "x:y", ":" * 5000, "9" * 5000, "3:P2:nan", "late:2", "\0", "\ud800"]
+REFUSED = {
+    "modbus --registers 9": {"--slaves": [*_NUMBERS, "0", "1.5", "248"]},
+    "modbus --slaves 9": {"--registers": [*_NUMBERS, "0", "65537"]},
+    "modbus --slaves 9 --registers 9": {
+        "--bit-rate": [*_NUMBERS, "0"],
+        "--character": _NUMBERS,
+        "--dead": [*_NUMBERS, "10"],
+        **dict.fromkeys(("--processing", "--timeout", "--limit"), _NUMBERS),
+        "--retries": _NUMBERS,
+    },
+    "serve engine --port 0": {
+        "--host": ["", "\0", "256.256.256.256", "no host", "x" * 5000],
+        "--speed": _NUMBERS,
+        "--fault": _WORDS,
+        "--wire-fault": _WORDS,
+        "--watchdog": [*_NUMBERS, "1"],
+        "--serial": ["", "/", "\0", "x" * 5000],
+        "--udp --serial": ["/dev/null"],
+    },
+    "serve ballast --port 0": {
+        "--valves": [*_NUMBERS, "0", "248"],
+        "--fault": _WORDS,
+        "--watchdog": _NUMBERS,
+        "--serial x --bit-rate": _NUMBERS,
+        "--serial x --character": _NUMBERS,
+    },
+    "serve ballast": {"--port": [*_NUMBERS, "65536"]},
+    "serve": {"": ["", "valve"]},
+    "fleet --days 1": {"--out": ["/dev/null", "\0", "x" * 5000]},
+    "fleet --out {}": {
+        "--valves": [*_NUMBERS, "0", "100001"],
+        "--days": [*_NUMBERS, "0", "3651"],
+        "--faults-per-year": [*_NUMBERS, "51"],
+        "--seed": [one for one in _NUMBERS if one != "9" * 5000],
+        "--workers": [*(one for one in _NUMBERS if one != "-1"), "0"],
+        "--scheduler": ["x", "\0", "tcp://"],
+    },
+    "grade": {"": ["", "/dev/null", "\0", "x" * 5000, "none"]},
 }
 
 
@@ -182,18 +241,19 @@ def test_cells_too_long_or_too_far_to_the_right_are_refused(suffix, tmp_path):
 
 
 @pytest.mark.parametrize("cell", ["x" * 200_000, '"' + "x\n" * 100_000 + '"'])
-def test_a_cell_beyond_the_limit_of_csv_is_refused_with_its_place(cell, tmp_path):
-    path, usual = tmp_path / "plan.csv", csv.field_size_limit()
-    path.write_text(f"a note\nkind,node,a,b\nmaster,head\nsupply,head,,{cell}\n")
-    why = (
-        f"row 4, column 4: a cell has {len(cell.strip(chr(34)).strip())} characters; at most 32767"
-    )
-    with pytest.raises(InputError, match=why):
-        asi.read_plan(path)
-    assert csv.field_size_limit() == usual
-    path.write_text("x" * 200_000 + "\nkind,node\nmaster,head\n")  # left out, above the titles
-    with pytest.raises(InputError, match="has no row of kind cable"):
-        asi.read_plan(path)
+def test_a_cell_beyond_the_limit_of_csv_is_refused_with_its_row(cell, tmp_path, monkeypatch):
+    def fail(*_):
+        raise AssertionError("another thread may read a file with this limit")
+
+    monkeypatch.setattr(csv, "field_size_limit", fail)
+    path, why = tmp_path / "plan.csv", "field larger than field limit (131072), in row "
+    for row, text in (
+        (4, f"a note\nkind,node,a,b\nmaster,head\nsupply,head,,{cell}\n"),
+        (1, "x" * 200_000 + "\nkind,node\nmaster,head\n"),
+    ):
+        path.write_text(text)
+        with pytest.raises(InputError, match=re.escape(f"{why}{row}")):
+            asi.read_plan(path)
 
 
 def test_tables_with_too_many_rows_or_cells_are_refused(tmp_path):
@@ -326,6 +386,10 @@ def test_text_of_a_file_is_no_formula_in_a_figure(tmp_path):
         iolist.plot,
         planned.plot,
         planned.quantities().plot,
+        partial(made("engine.Run").plot_ages, "ME-JB2-044", label=FORMULA),
+        partial(made("engine.Run").plot_ages, "ME-JB2-044", limits={FORMULA: 1.0}),
+        partial(can.arbitrate([can.Frame(1), can.Frame(2)]).plot, [FORMULA, "2"]),
+        lambda ax: style.moment(ax, 0.5, FORMULA),
     ):
         ax.clear()
         draw(ax=ax)
@@ -366,6 +430,58 @@ def test_a_damaged_input_gives_a_result_or_an_error_of_ours(name):
         for data in damaged(seed[:3000], rng):
             with suppress(*REFUSALS):
                 TARGETS[name].run(data)
+
+
+def code_of(arguments):
+    """Return the exit code of a command, also if argparse ends it."""
+    try:
+        return main(arguments)
+    except SystemExit as end:
+        return end.code
+
+
+@pytest.mark.parametrize("command", REFUSED)
+def test_a_command_refuses_a_wrong_value_of_every_option(command, tmp_path, capsys):
+    taken = []
+    for option, values in REFUSED[command].items():
+        for value in values:
+            *others, last = option.split(" ")
+            given = [f"{last}={value}"] if last else [value]
+            with no_hang():
+                code = code_of([*words(command, tmp_path), *others, *given])
+            said = capsys.readouterr().err
+            assert "Traceback" not in said
+            if code != 2 or not said:
+                taken.append((option, value[:40]))
+    assert not taken
+
+
+def test_damaged_notebooks_are_flagged(tmp_path, capsys):
+    rng = random.Random(1)
+    seed = b'{"cells": [{"cell_type": "code", "source": ["me = 1\\n", "x = [0.5]"]}]}'
+    for number, data in enumerate(damaged(seed, rng)):
+        (tmp_path / f"{number}.ipynb").write_bytes(data)
+    assert main(["grade", str(tmp_path), "--json"]) == 0
+    grades = json.loads(capsys.readouterr().out)["tables"]["grades"]
+    assert len(grades) == number + 1 and all(row["flags"] for row in grades)
+
+
+def test_a_fleet_with_damaged_files_is_refused_or_completed(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("pyarrow")
+    monkeypatch.setattr("shipnet.ballast.fleet.sleep", lambda _: None)
+    folder, rng = tmp_path / "fleet", random.Random(1)
+    command = ["fleet", "--valves", "1", "--days", "1", "--out", str(folder)]
+    assert main(command) == 0
+    for file in (one for one in sorted(folder.rglob("*")) if one.is_file()):
+        good = file.read_bytes()
+        for data in damaged(good[:3000], rng):
+            file.write_bytes(data)
+            code = main(command)
+            assert code in (0, 2) and "Traceback" not in capsys.readouterr().err
+            # A damaged table is computed again; what is not this fleet's is never replaced.
+            again = code == 0 and file.suffix == ".parquet"
+            assert file.read_bytes() == (good if again else data)
+        file.write_bytes(good)
 
 
 @pytest.mark.parametrize("command", COMMANDS)

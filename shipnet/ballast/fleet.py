@@ -259,7 +259,7 @@ def _rows(file: Path, expected: Mapping[str, str]) -> int | None:
 def _settings_in(file: Path) -> dict[str, str]:
     """Return the settings in a fleet's file, which another run may still be writing."""
     for _ in range(20):
-        with suppress(TypeError, ValueError):
+        with suppress(TypeError, ValueError, RecursionError):
             return dict(json.loads(file.read_bytes()))
         sleep(0.1)
     raise InputError(str(file), "is incomplete; delete it and repeat the call")

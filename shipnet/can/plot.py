@@ -113,7 +113,8 @@ def plot_contest(
     (winner,) = (stuffed for _, _, stuffed, stopped in senders if stopped is None)
     _bits(ax, bus[: last + 1], winner, rows + 0.35)
     ax.axhline(rows - 0.32, color="0.6", linewidth=0.8)
-    ax.set_yticks([*range(rows), rows + 0.35], labels=[*(name for name, *_ in senders), "bus"])
+    names = [style.literal(name) for name, *_ in senders]
+    ax.set_yticks([*range(rows), rows + 0.35], labels=[*names, "bus"])
     ax.set(
         xlim=(-0.2, total + 0.2),
         ylim=(rows + 0.9, -0.6),

@@ -14,6 +14,7 @@ from shipnet.design.planning import OPTIONS
 from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError, InputError
+from shipnet.files import complete
 from shipnet.tables import csv_text
 
 
@@ -64,7 +65,8 @@ def save_faults(path: str | None, file: str = "", faults: Sequence[str] = ()) ->
     places = [(_PLACED.fullmatch(fault), fault) for fault in faults]
     rows = [(file, *(placed.groups("") if placed else ("", "", fault))) for placed, fault in places]
     text = csv_text([("file", "row", "column", "fault"), *rows])
-    Path(path).write_text(text, encoding="utf-8-sig", newline="")
+    with complete(path) as new:
+        Path(new).write_text(text, encoding="utf-8-sig", newline="")
 
 
 def _choices(texts: Sequence[str]) -> dict[str, str]:

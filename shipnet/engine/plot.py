@@ -86,7 +86,7 @@ def plot_ages(
 
     On axes that have lines already, the line is dashed and the shading is hatched.
     """
-    ax = style.axes(ax)
+    ax, label = style.axes(ax), style.literal(label)
     good = ages["age_s"].notna()
     gap = np.full(len(ages), np.nan)
     x = np.column_stack([ages["seen_s"], ages["good_until_s"], ages["good_until_s"]])
@@ -99,9 +99,7 @@ def plot_ages(
     bad = ages[ages["good_until_s"] < ages["until_s"]]
     marked = f"{label}, marked".lstrip(", ")
     for begin, end in zip(bad["good_until_s"], bad["until_s"], strict=True):
-        ax.axvspan(
-            begin, end, color=line.get_color(), alpha=0.15, lw=0, hatch=hatch, label=marked
-        )
+        ax.axvspan(begin, end, color=line.get_color(), alpha=0.15, lw=0, hatch=hatch, label=marked)
         marked = "_"
     for name, value in (limits or {}).items():
         style.limit(ax, value, name)

@@ -432,7 +432,7 @@ def grade(folder: str) -> tuple[pd.DataFrame, pd.DataFrame]:
     verdicts have one row per notebook and exercise.
     """
     root = Path(folder)
-    if not root.is_dir():
+    if not folder or not root.is_dir():  # Path("") is the current folder
         raise InputError(folder, "there is no such folder")
     paths = _search(root)
     if not paths:

@@ -34,7 +34,7 @@ SLOWEST_RATE = 1e6
 
 #: Limits on how many numbers the arrays of an archive or a channel of a session may unpack to: in
 #: total, and per byte of the file; the larger one applies. A tiny archive can unpack to any size.
-MOST_NUMBERS, MOST_PER_BYTE = 2**24, 4
+MOST_NUMBERS, MOST_PER_BYTE = 2**22, 4
 
 #: Maximum number of channels in an array.
 MOST_CHANNELS = 1024
@@ -42,8 +42,11 @@ MOST_CHANNELS = 1024
 #: Size above which a numpy file is memory-mapped instead of read [byte].
 MAPPED = 2**26
 
-#: Maximum ratio of logic data to the session file (deflate reaches 1032), and number of changes.
-MOST_LOGIC_PER_BYTE, MOST_EDGES = 1100, 2**24
+#: Maximum ratio of logic data to the session file (deflate reaches 1032).
+MOST_LOGIC_PER_BYTE = 1100
+
+#: Maximum number of changes of level: one per byte of the file, but within these limits.
+MOST_EDGES = 2**22, 2**24
 
 _BLOCK = 2**22  #: Number of logic samples per block.
 _INTERPOLATED = 0.3  #: Uncertainty of an interpolated edge of a sampled voltage [sample].
@@ -122,7 +125,7 @@ class _Channels(NamedTuple):
     quantum: float | None = None  # step to which times are rounded; None if the digits show it
     #: Instead of numbers: the first sample after each change of a session's logic channels, the
     #: levels at the beginning and after each change, and the number of samples.
-    logic: tuple[npt.NDArray[np.int64], npt.NDArray[np.uint64], int] | None = None
+    logic: tuple[npt.NDArray[np.int64], npt.NDArray[Any], int] | None = None
 
 
 def read_scope_file(
@@ -165,7 +168,7 @@ def read_edges(
             return max(edges, key=lambda candidate: len(candidate.places))
         places, words, samples = table.logic
         flips = words[1:] ^ words[:-1]
-        masks = [np.uint64(1 << (table.columns[k].number - 1)) for k in chosen]
+        masks = [words.dtype.type(1 << (table.columns[k].number - 1)) for k in chosen]
         busiest = int(np.argmax([np.count_nonzero(flips & mask) for mask in masks]))
         changed, first = (flips & masks[busiest]) > 0, int((words[0] & masks[busiest]) > 0)
         dt = _known_interval(sample_interval or table.interval, table)
@@ -402,6 +405,7 @@ def _read_logic(
         raise InputError(file, f"a part of {stem[:40]} is missing")
     total = sum(archive.getinfo(name).file_size for name in parts)
     most = max(MOST_NUMBERS, MOST_LOGIC_PER_BYTE * _size(stream))
+    most_edges = np.clip(_size(stream), *MOST_EDGES)
     if total > most:
         raise InputError(file, f"it unpacks to {total} bytes of logic; at most {most} are read")
     unit, count, at = int(size), 0, 0
@@ -419,8 +423,8 @@ def _read_logic(
                 places.append(changed + (at - last.size))
                 words.append(levels[changed])
                 last, at, count = levels[-1:], at + new.size, count + changed.size
-                if count > MOST_EDGES:
-                    what = f"more than {MOST_EDGES} changes of level"
+                if count > most_edges:
+                    what = f"more than {most_edges} changes of level"
                     raise InputError(file, f"{what}; save a part of the record")
     if at < 2:
         raise InputError(file, f"number of samples is {at}; expected 2 or more")
@@ -428,7 +432,7 @@ def _read_logic(
     titles = {k: title for k, title in _titles(about, "probe").items() if k in legal}
     titles = titles or {k: f"D{k - 1}" for k in legal}
     columns = [_Column(number, title, "") for number, title in sorted(titles.items())]
-    changes = np.concatenate(places).astype(np.int64), np.concatenate(words).astype(np.uint64), at
+    changes = np.concatenate(places), np.concatenate(words), at
     return _Channels(file, lambda k: np.zeros(0), columns, interval, logic=changes)
 
 

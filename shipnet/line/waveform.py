@@ -93,7 +93,7 @@ class Waveform:
         default is the first voltage. `sample_interval` [s] overrides that of the file. A ``.npy``
         file of more than 2**26 bytes is not copied into memory: do not change it while its
         samples are in use. All channels and times of an
-        ``.npz`` file, or one channel of an ``.sr`` file, may unpack to at most 2**24 numbers, or 4
+        ``.npz`` file, or one channel of an ``.sr`` file, may unpack to at most 2**22 numbers, or 4
         per byte of the file if that is more. Raise InputError if the file cannot be read, has a
         cell that is not a number, uneven times, under 1e6 samples per second, or no such channel.
         """

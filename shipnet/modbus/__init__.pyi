@@ -1,5 +1,6 @@
 from . import faults as faults
 from . import udp as udp
+from .electrical import Rs485 as Rs485
 from .electrical import interfaces as interfaces
 from .pdu import Adu as Adu
 from .pdu import ExceptionCode as ExceptionCode

@@ -2,24 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from math import floor
+from itertools import pairwise
+from math import floor, inf, log2, nan
+from operator import truediv
+from os import PathLike
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from shipnet import style
 from shipnet.answers import Utilisation
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_fields, check_scalar, check_whole, number, part, record, whole
 from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
+from shipnet.modbus.device_table import read_devices
 from shipnet.modbus.frame import MAX_UNIT, RTU_BYTES
-from shipnet.modbus.pdu import Request
+from shipnet.modbus.pdu import READ_LIMITS, WRITE_LIMITS, Request
 from shipnet.modbus.uart import SerialLine
 
 BIT_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)  #: Common bit rates [bit/s].
+
+
+class TcpLink(SerialLine):
+    """A TCP connection: its frames and silences take no time beside the latency of a device."""
+
+    __slots__ = ()
+    t35 = 0.0
+
+    def frame_time(self, size: int) -> float:
+        """Return 0 [s]."""
+        return 0.0
 
 
 @record(slots=True)
@@ -130,27 +147,97 @@ def _most(polls: Sequence[Poll], period: float, dead: int) -> int:
     return min(dead + fit, MAX_UNIT) if fit >= 0 else 0
 
 
+class Polled(NamedTuple):
+    """Equal slaves, each of which is sent all requests of `polls`; or a row of a table."""
+
+    polls: tuple[Poll, ...]
+    dead: bool = False
+    number: int = 1
+    name: str = ""  # only of a row of a table
+    unit: tuple[str, int] = ("", 0)  # host and address
+    period: float = inf  # wanted time between two updates; infinite if none is, or if dead [s]
+
+    @property
+    def times(self) -> tuple[float, float]:
+        """Time of the requests to one slave, if it answers and if it is dead [s]."""
+        return sum(p.time for p in self.polls), sum(p.timeout_time for p in self.polls)
+
+
+#: An order of rows: that each is polled in one of so many cycles, in which first, and the longest
+#: time between two of its polls [s].
+Order: TypeAlias = tuple[list[int], list[int], list[float]]
+
+
+def spread(times: Sequence[float], every: Sequence[int]) -> Order:
+    """Return the order in which rows of these times [s] are spread, the longest first."""
+    first, load = [0] * len(times), np.zeros(max(every))
+    order = sorted(range(len(times)), key=lambda k: (every[k], -times[k]))
+    for k in order:
+        first[k] = int(load.reshape(-1, every[k]).max(axis=0).argmin())
+        load[first[k] :: every[k]] += times[k]
+    now, begins = 0.0, [list[float]() for _ in times]
+    for cycle in range(len(load)):
+        for k in (k for k in order if cycle % every[k] == first[k]):
+            begins[k].append(now)
+            now += times[k]
+    gaps = [[b - a for a, b in pairwise([*one, one[0] + now])] for one in begins]
+    return [*every], first, [max(one) for one in gaps]
+
+
+def best_order(rows: Sequence[Polled]) -> Order:
+    """Return the order in which the largest ratio of interval to wanted period is smallest.
+
+    A row is polled in every 1st, 2nd, 4th, ... or 64th cycle, as often as cycles of some length fit
+    in its period: S. Chan and F. Chin, IEEE Trans. Computers 41 (1992) 755. Sixteen lengths, from
+    the shortest period down to half of it, are tried. A row without a period counts as the slowest.
+    If rows cannot be polled as often as wanted, another sequence may be better by some 15 %.
+    """
+    periods = [row.period for row in rows]
+    known = [period for period in periods if period < inf] or [1.0]
+    times = [row.number * row.times[row.dead] for row in rows]
+    options = {(1,) * len(rows)}
+    for base in min(known) / 2 ** (np.arange(16) / 16):
+        fit = [floor(log2(min(period, max(known)) / base) + 1e-9) for period in periods]
+        options.add(tuple(2 ** min(one, 6) for one in fit))
+    orders = [spread(times, every) for every in sorted(options)]
+    return min(orders, key=lambda one: max(map(truediv, one[2], periods)))
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Scan:
     """One scan, in which a master polls all its slaves once, as returned by `scan`.
 
-    The master sends the requests of `polls` to each of `n_slaves` slaves, of which `dead` do not
-    answer. `limit` is the longest time allowed [s], or None.
+    `rows` are the slaves with the requests that each is sent. `limit` is the longest time allowed
+    [s], or None; `remarks` say how a table was read.
 
     Examples
     --------
     >>> from shipnet import modbus
-    >>> found = modbus.scan(24, registers=20, bit_rate=19200, dead=2, limit=3.0)
-    >>> found
+    >>> result = modbus.scan(24, registers=20, bit_rate=19200, dead=2, limit=3.0)
+    >>> result
     Scan(24 slaves, 2 dead: 2.765 s at a processing time of 0 ms, limit of 3 s met up to 10.6 ms)
-    >>> round(found.dead_time, 3), round(found.slave_time, 3), found.max_slaves
+    >>> round(result.dead_time, 3), round(result.slave_time, 3), result.max_slaves
     (1.005, 0.034, 30)
     """
 
-    polls: tuple[Poll, ...]
-    n_slaves: int
-    dead: int
+    rows: tuple[Polled, ...]
     limit: float | None
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def polls(self) -> tuple[Poll, ...]:
+        """Requests to the first slave, and without a table to each slave."""
+        return self.rows[0].polls
+
+    @property
+    def n_slaves(self) -> int:
+        """Number of slaves, including dead ones."""
+        return sum({row.unit: row.number for row in self.rows}.values())
+
+    @property
+    def dead(self) -> int:
+        """Number of dead slaves."""
+        return sum({row.unit: row.number for row in self.rows if row.dead}.values())
 
     @property
     def bit_rate(self) -> float:
@@ -160,38 +247,52 @@ class Scan:
     @property
     def time(self) -> float:
         """Time of the scan [s]."""
-        return sum(poll.scan_time(self.n_slaves, dead=self.dead) for poll in self.polls)
+        return sum(row.number * row.times[row.dead] for row in self.rows)
 
     @property
     def slave_time(self) -> float:
-        """Time per slave that answers [s]."""
-        return sum(poll.time for poll in self.polls)
+        """Time per slave that answers; with a table, of the slowest [s]."""
+        return self._longest(dead=False)
 
     @property
     def dead_time(self) -> float:
-        """Time per dead slave, including time-outs and retries [s]."""
-        return sum(poll.timeout_time for poll in self.polls)
+        """Time per dead slave, including time-outs and retries; with a table, of the worst [s]."""
+        return self._longest(dead=True)
+
+    def _longest(self, *, dead: bool) -> float:
+        times = Counter[tuple[str, int]]()
+        for row in self.rows:
+            times[row.unit] += row.times[dead]  # type: ignore[assignment]
+        return max(times.values())
 
     @property
     def bus_time(self) -> float:
         """Fraction of the scan time during which bytes are on the line, 0..1."""
-        return sum(poll._busy_time(self.n_slaves, self.dead) for poll in self.polls) / self.time
+        busy = (
+            p._busy_time(row.number, row.number * row.dead) for row in self.rows for p in row.polls
+        )
+        return sum(busy) / self.time
 
     @property
     def max_slaves(self) -> int | None:
-        """Largest number of slaves, including dead ones, that meets the limit; None without one."""
-        return None if self.limit is None else _most(self.polls, self.limit, self.dead)
+        """Largest number of equal slaves, including dead ones, that meets the limit, or None."""
+        if self.limit is None or self.rows[0].name:
+            return None
+        return _most(self.polls, self.limit, self.dead)
 
     @property
     def ok(self) -> bool | None:
-        """Whether the limit is met; None without a limit."""
-        return None if self.limit is None else self.time <= self.limit
+        """Whether limit and wanted periods are met, these in the best order; None without any."""
+        met = [] if self.limit is None else [self.time <= self.limit]
+        if any(row.period < inf for row in self.rows):
+            met += [bool(self.slaves()["met"].dropna().all())]
+        return all(met) if met else None
 
     @property
     def max_processing(self) -> float | None:
-        """Longest processing time per response that meets time-out and limit [s]; None if none."""
+        """Longest processing time per response that meets time-out and limit [s], or None."""
         answers = (self.n_slaves - self.dead) * len(self.polls)
-        if self.limit is None or not self.ok or not answers:
+        if self.limit is None or self.rows[0].name or not self.ok or not answers:
             return None
         margin = min(poll.timeout - poll.shortest_timeout for poll in self.polls)
         return self.polls[0].processing + min((self.limit - self.time) / answers, margin)
@@ -200,14 +301,40 @@ class Scan:
     def verdict(self) -> str:
         """The result in one line."""
         dead = f", {self.dead} dead" if self.dead else ""
-        processing = f"at a processing time of {1e3 * self.polls[0].processing:g} ms"
-        scanned = f"{self.n_slaves} slaves{dead}: {self.time:.3f} s {processing}"
+        more = f" at a processing time of {1e3 * self.polls[0].processing:g} ms"
+        if self.rows[0].name:
+            met = self.slaves()["met"].dropna()
+            late = sum(self.time > row.period for row in self.rows)
+            more = f", {late} of {len(met)} rows too late" * (late > 0)
+            more += f", {len(met) - sum(met)} in the best order" * (late > 0)
+        scanned = f"{self.n_slaves} slaves{dead}: {self.time:.3f} s{more}"
         if self.limit is None:
             return scanned
         most = self.max_processing
         # Rounded down, so that the limit is met at the stated time.
         up_to = "" if most is None else f" up to {floor(1e4 * most) / 10:g} ms"
         return f"{scanned}, limit of {self.limit:g} s {'met' if self.ok else 'exceeded'}{up_to}"
+
+    def slaves(self) -> pd.DataFrame:
+        """Return one row per row of the scan, indexed by ``slave``.
+
+        Columns: ``address``, ``host``, ``time_ms`` if it answers, ``dead_adds_ms`` (added to the
+        scan if it is dead), ``age_best_ms`` and ``age_worst_ms`` of its values, just after and just
+        before they are updated, ``wanted_ms``, and the best order: ``every`` so many cycles from
+        cycle ``first``, the longest ``interval_ms`` there, and whether the wanted one is ``met``.
+        """
+        order, rows = best_order(self.rows), []
+        for row, *place in zip(self.rows, *order, strict=True):
+            (alive, dead), new = row.times, max(poll.shortest_timeout for poll in row.polls)
+            ages = (nan, nan) if row.dead else (new, self.time + new)
+            ms = 1e3 * np.array([alive, dead - alive, *ages, row.period, place[2]])
+            # The margin allows for rounding if a period is a whole number of transactions.
+            met = None if row.period == inf else place[2] <= row.period * (1 + 1e-9)
+            name, (host, unit) = row.name or "each", row.unit
+            rows.append((name, unit, host, *ms[:5], place[0], place[1] + 1, ms[5], met))
+        columns = "slave address host time_ms dead_adds_ms age_best_ms age_worst_ms wanted_ms"
+        columns += " every first interval_ms met"
+        return pd.DataFrame(rows, columns=columns.split()).set_index("slave").replace(inf, nan)
 
     def table(self) -> pd.DataFrame:
         """Return one row per bit rate (common ones and the scan's own), indexed by ``bit_rate``.
@@ -218,9 +345,7 @@ class Scan:
         rows = {}
         for rate in sorted({*BIT_RATES, self.bit_rate}):
             with suppress(ArgumentError):
-                line = replace(self.polls[0].line, bit_rate=rate)
-                polls = tuple(replace(poll, line=line) for poll in self.polls)
-                one = replace(self, polls=polls)
+                one = replace(self, rows=tuple(_at(row, rate) for row in self.rows))
                 times = (one.time, 1e3 * one.slave_time, 1e3 * one.dead_time, 100 * one.bus_time)
                 rows[rate] = (*times, one.max_slaves, one.ok)
         columns = ["scan_s", "slave_ms", "dead_slave_ms", "bus_time_percent", "max_slaves", "met"]
@@ -229,7 +354,9 @@ class Scan:
 
     @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the scan time over the bit rate, with the limit."""
+        """Draw the scan time over the bit rate, with the limit; of a table, the ages of values."""
+        if self.rows[0].name:
+            return self._plot_ages(style.axes(ax))
         ax, times = style.axes(ax), self.table()["scan_s"]
         ax.plot(times.index, times, "o-", color="C0", mfc="white", label="other bit rates")
         ax.plot(self.bit_rate, self.time, "o", color="C0", ms=9, label="chosen")
@@ -247,10 +374,34 @@ class Scan:
         ax.legend(loc="upper right")
         return ax
 
+    def _plot_ages(self, ax: Axes) -> Axes:
+        rows, x = self.slaves(), np.arange(1, len(self.rows) + 1)
+        ax.vlines(
+            x,
+            rows["age_best_ms"],
+            rows["age_worst_ms"],
+            color="C0",
+            lw=3,
+            label="age, polled as listed",
+        )
+        for interval, look, label in (
+            ("interval_ms", {"marker": "o", "mfc": "white"}, "oldest in the best order"),
+            ("wanted_ms", {"marker": "_", "color": style.LIMIT["color"], "mew": 2}, "wanted"),
+        ):
+            ax.plot(x, rows[interval] + rows["age_best_ms"], ls="", label=label, **look)
+        step = -(-len(x) // 30)
+        ax.set_xticks(x[::step], [style.literal(name) for name in rows.index[::step]], rotation=90)
+        ax.set(yscale="log", ylabel="age of values [ms]")
+        style.logarithmic(ax.yaxis)
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=3)
+        return ax
+
     def __repr__(self) -> str:
         return f"Scan({self.verdict})"
 
     def _repr_html_(self) -> str:
+        if self.rows[0].name:
+            return as_html(self, self.slaves())
         table = self.table()
         if self.limit is not None:
             table = table.assign(limit_s=self.limit, margin_s=self.limit - table["scan_s"])
@@ -258,10 +409,49 @@ class Scan:
         return as_html(self, table.iloc[nearest])
 
 
+def _at(row: Polled, bit_rate: float) -> Polled:
+    """Return a row with another bit rate."""
+    polls = (replace(poll, line=replace(poll.line, bit_rate=bit_rate)) for poll in row.polls)
+    return row._replace(polls=tuple(polls))
+
+
+def _requests(function: int, first: int, count: int) -> Iterator[Request]:
+    """Yield requests for adjacent registers or coils, as many in each as the standard allows."""
+    most = (READ_LIMITS | WRITE_LIMITS)[function]
+    for begin in range(first, first + count, most):
+        n = min(most, first + count - begin)
+        yield Request(function, begin, n, [False] * n, [0] * n)
+
+
+def _read_rows(path: str | PathLike[str], default: Poll) -> tuple[list[Polled], tuple[str, ...]]:
+    """Return the rows of a table, whose empty cells mean the values of `default`, and remarks."""
+    table, remarks = read_devices(path)
+    names, rows, faults = [one["device"] for one in table], list[Polled](), []
+    for one in table:
+        name = one["device"]
+        if names.count(name) > 1:
+            name += f" FC{one['function']:d} {one['register']}"
+        options = {"timeout": one["timeout"], "retries": one["retries"], "processing": one["delay"]}
+        options = {key: value for key, value in options.items() if value is not None}
+        options["line"] = TcpLink(default.line.bit_rate) if one["host"] else default.line
+        requests = _requests(one["function"], one["register"], one["registers"])
+        try:
+            polls = tuple(replace(default, request=request, **options) for request in requests)
+        except ArgumentError as error:
+            faults.append(f"row {one['row']}: {error}")
+            continue
+        unit = (one["host"], one["address"])
+        period = inf if one["dead"] else one["period"] or inf
+        rows.append(Polled(polls, bool(one["dead"]), 1, name, unit, period))
+    if faults:
+        raise InputError(str(path), *faults)
+    return rows, remarks
+
+
 def scan(
-    n_slaves: int,
+    slaves: int | str | PathLike[str],
     *,
-    registers: int,
+    registers: int | None = None,
     bit_rate: float = 9600,
     character: str = "8E1",
     processing: float = 0.0,
@@ -270,14 +460,15 @@ def scan(
     retries: int = 0,
     limit: float | None = None,
 ) -> Scan:
-    """Compute how long a master takes to read holding registers from all its slaves once.
+    """Compute how long a master takes to poll all its slaves once, and how old values become.
 
     Parameters
     ----------
-    n_slaves : int
-        Number of slaves, 1..247.
-    registers : int
-        Registers per slave, 1..65536; each request reads at most 125.
+    slaves : int or path
+        Number of equal slaves, 1..247, or a CSV file or Excel workbook; see Notes.
+    registers : int, optional
+        Holding registers per slave, 1..65536; each request reads at most 125. Only a number of
+        slaves needs it.
     bit_rate : float, default 9600
         300..10e6 [bit/s].
     character : str, default "8E1"
@@ -286,7 +477,7 @@ def scan(
         Time that a slave takes to prepare each response, 0..3600 [s]; 0 is optimistic. The answer
         names it, and the longest one that meets the limit.
     dead : int, default 0
-        Number of slaves that do not answer, 0..n_slaves.
+        Number of slaves that do not answer, 0..slaves; a table has a column instead.
     timeout : float, default 1
         Response time-out, at most 3600 [s] and not shorter than a response takes.
     retries : int, default 0
@@ -297,7 +488,27 @@ def scan(
     Returns
     -------
     Scan
-        The scan: its `time` and parts, whether the limit is met, and times at other bit rates.
+        The scan: its `time` and parts, whether the limit is met, and times at other bit rates; of a
+        table, also the ages of values, the cost of each dead slave and the best order.
+
+    Raises
+    ------
+    InputError
+        If a table cannot be read; all its faults are listed.
+
+    Notes
+    -----
+    A table has one row per block of registers, and at least the columns ``address`` (1..247),
+    ``register`` (the first one, 0..65535) and ``registers`` (1..65536). Optional columns, whose
+    empty cells mean the arguments above: ``device`` (name), ``function`` (1..6, 15 or 16, default
+    3), ``period`` (wanted time between two updates), ``timeout``, ``retries``, ``delay``
+    (processing time), ``dead`` (yes or no) and ``host``. Times need a unit, as in ``period [ms]``.
+    A slave with a host is polled over TCP: its frames take no time, and its ``delay`` includes the
+    latency. The master sends one request at a time; devices polled in parallel need a table of
+    their own.
+
+    The age of a value counts from the end of the request. The best order polls a row in one of
+    every 1, 2, 4, ... or 64 cycles.
 
     Examples
     --------
@@ -306,13 +517,20 @@ def scan(
     >>> round(scan(24, registers=300, bit_rate=38400).time, 3)
     4.645
     """
-    count = check_whole("registers", registers, 1, 1 << 16)
-    slaves = check_whole("n_slaves", n_slaves, 1, MAX_UNIT)
-    silent = check_whole("dead", dead, 0, slaves)
     if limit is not None:
         check_scalar("limit", limit, "s", 0, 1e6)
-    line, most, polls = SerialLine(bit_rate, character), 125, []
-    for begin in range(0, count, most):
-        request = Request.read_holding_registers(begin, min(most, count - begin))
-        polls.append(Poll(request, line, processing, timeout, retries))
-    return Scan(tuple(polls), slaves, silent, limit)
+    line = SerialLine(bit_rate, character)
+    if isinstance(slaves, str | PathLike):
+        if registers is not None or dead:
+            raise ArgumentError("registers or dead is given; a table has columns for them")
+        default = Poll(Request(3, 0, 1), line, processing, timeout, retries)
+        rows, remarks = _read_rows(slaves, default)
+        return Scan(tuple(rows), limit, remarks)
+    if registers is None:
+        raise ArgumentError("registers is None; give the number of registers per slave")
+    count = check_whole("registers", registers, 1, 1 << 16)
+    n_slaves = check_whole("slaves", slaves, 1, MAX_UNIT)
+    silent = check_whole("dead", dead, 0, n_slaves)
+    polls = tuple(Poll(one, line, processing, timeout, retries) for one in _requests(3, 0, count))
+    rows = [Polled(polls, False, n_slaves - silent), Polled(polls, True, silent, unit=("", 1))]
+    return Scan(tuple(row for row in rows if row.number), limit)

@@ -6,6 +6,7 @@ import asyncio
 import errno
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
+from os import PathLike
 from socket import gaierror
 from threading import Thread
 from time import monotonic
@@ -16,7 +17,7 @@ from shipnet.fields import check_choice, check_rng, check_scalar, check_whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.handlers import Listener, Respond, RtuListener, TcpListener, UdpListener
 from shipnet.modbus.pdu import Adu
-from shipnet.modbus.slave import Answer, Device, Slave, answer
+from shipnet.modbus.slave import Answer, Device, Slave, answer, read_slaves
 from shipnet.modbus.uart import SerialLine
 from shipnet.modbus.wire import Wire, WireFault, check_faults
 
@@ -149,7 +150,7 @@ def _cause(problem: BaseException, listener: Listener) -> str:
 
 
 def serve(
-    devices: Mapping[int, Device | Slave],
+    devices: Mapping[int, Device | Slave] | str | PathLike[str],
     transport: Transport = "tcp",
     *,
     host: str = "127.0.0.1",
@@ -165,9 +166,9 @@ def serve(
 
     Parameters
     ----------
-    devices : mapping of int to Device or Slave
+    devices : mapping of int to Device or Slave, or path
         Devices by unit id, 1..247; over TCP and UDP also 0, the server itself. A bare device
-        becomes a `Slave`.
+        becomes a `Slave`. Or a table, as for `scan`; see Notes.
     transport : {"tcp", "udp", "rtu"}, default "tcp"
         ``tcp`` is Modbus/TCP; ``udp`` sends the same frames in datagrams, as in kim2014, though no
         standard defines this; ``rtu`` is RTU on a serial line.
@@ -206,6 +207,11 @@ def serve(
 
     Notes
     -----
+    A table may also have the columns ``values`` (one for all registers of the row or one for each,
+    with blanks between them; 0 if empty) and ``exception`` (code that refuses the row's function on
+    its registers). Each slave serves the functions of its rows, after the longest ``delay`` of
+    them; a ``dead`` one is silent.
+
     Frames of other protocols, invalid datagrams and RTU frames with a wrong CRC get no response; an
     illegal length field closes the TCP connection, because the next frame cannot be found. On a
     serial line an incomplete frame is dropped after a silence of 50 ms, or t3.5 if that is longer,
@@ -230,6 +236,8 @@ def serve(
     """
     check_choice("transport", transport, get_args(Transport))
     rtu = transport == "rtu"
+    if isinstance(devices, str | PathLike):
+        devices = read_slaves(devices)
     if not devices:
         raise ArgumentError("devices is empty; it must contain at least one device")
     slaves = {}

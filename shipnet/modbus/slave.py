@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
+from itertools import cycle
+from os import PathLike
 from typing import Any, Literal, NamedTuple, Protocol, get_args, runtime_checkable
 
-from shipnet.errors import ArgumentError, FrameError
+from shipnet.errors import ArgumentError, FrameError, InputError
 from shipnet.fields import check_kind, check_scalar, check_whole
+from shipnet.modbus.device_table import read_devices
 from shipnet.modbus.pdu import (
     Adu,
     ExceptionCode,
@@ -267,6 +271,48 @@ class Slave:
             logging.getLogger("shipnet.modbus.server").exception("the device failed")
             exception = ExceptionCode.SERVER_DEVICE_FAILURE
         return Response(function, exception=exception).pdu
+
+
+class _Listed(Slave):
+    """A slave of a table; `refused` contains exceptions by function code and address."""
+
+    __slots__ = ("refused",)
+    refused: Mapping[tuple[int, int], ExceptionCode]
+
+    def answer(self, request: Request | bytes, time: float = 0.0) -> bytes:
+        with suppress(FrameError):
+            one = request if isinstance(request, Request) else Request.parse(request)
+            for address in range(one.address, one.address + one.quantity):
+                if not self.silent and (code := self.refused.get((one.function, address))):
+                    return Response(one.function, exception=code).pdu
+        return super().answer(request, time)
+
+
+def read_slaves(path: str | PathLike[str]) -> Mapping[int, Slave]:
+    """Return the slaves of a table by unit id; each serves only the functions of its rows."""
+    rows_of: dict[int, list[dict[str, Any]]] = {}
+    for row in read_devices(path)[0]:
+        rows_of.setdefault(row["address"] % _SERVER_ITSELF, []).append(row)
+    slaves = dict[int, _Listed]()
+    for unit, rows in rows_of.items():
+        if len({row["host"] for row in rows}) > 1:
+            raise InputError(str(path), f"address {unit} belongs to several hosts; serve one")
+        tables: dict[str, dict[int, int]] = {name: {} for name in get_args(Table)}
+        refused: dict[tuple[int, int], ExceptionCode] = {}
+        # Rows with values come last, so that another function on the same registers keeps them.
+        for row in sorted(rows, key=lambda row: row["values"] is not None):
+            code, first = row["function"], row["register"]
+            name = _READ.get(code) or ("coils" if code in (5, 15) else "holding_registers")
+            addresses = range(first, first + row["registers"])
+            tables[name] |= zip(addresses, cycle(row["values"] or [0]))
+            if row["exception"]:
+                refused |= dict.fromkeys(((code, one) for one in addresses), row["exception"])
+        functions, silent = {row["function"] for row in rows}, any(row["dead"] for row in rows)
+        delay = max(row["delay"] or 0.0 for row in rows)
+        device = Registers(limits=None, **tables)
+        slaves[unit] = _Listed(device, functions=functions, delay=delay, silent=silent)
+        slaves[unit].refused = refused
+    return slaves
 
 
 def answer(

@@ -431,5 +431,5 @@ def test_bad_arguments_are_refused(save, tmp_path, monkeypatch):
         read_capture(SNIPPET, sample_interval=0)
     monkeypatch.setattr(module, "_FRAMES", 112)
     assert "it has more than 112 frames" in refused(SNIPPET)
-    monkeypatch.setattr("shipnet.line.scope_file.MOST_EDGES", 100)
+    monkeypatch.setattr("shipnet.line.scope_file.MOST_EDGES", (100, 100))
     assert "more than 100 changes of level" in refused(SNIPPET)

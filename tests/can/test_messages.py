@@ -249,7 +249,7 @@ def test_an_identifier_may_have_leading_zeros():
         (b"name\0", "is not text"),
         (
             "name,dlc\n" + 200_000 * "a" + ",1\n",
-            "a cell has 200000 characters; at most 32767 are read",
+            "is not a CSV file: field larger than field limit (131072), in row 2",
         ),
     ],
 )

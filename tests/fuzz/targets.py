@@ -11,6 +11,7 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,8 +30,13 @@ from shipnet import (
     modbus,
     remote_control,
 )
+from shipnet.ballast.plant import Fault
+from shipnet.engine.serving import parse_fault
 from shipnet.errors import ArgumentError, FrameError, InputError
 from shipnet.modbus.slave import answer as answer_of
+from shipnet.modbus.wire import WireFault
+from shipnet.tools import can_load, ship_design
+from shipnet.tools._view import read_link, read_state, write_state
 
 #: Files of a target live in memory where the system has a place for that.
 _FOLDER = Path(
@@ -169,12 +175,13 @@ def _sheet(data: bytes) -> bytes:
     return made.getvalue()
 
 
-def _workbook() -> bytes:
+def _workbook(csv: str = "tag,signal,x_m,y_m,z_m\nTI 101,rtd_3wire,1,2,3\n") -> bytes:
+    """Return CSV text as a workbook."""
     import openpyxl
 
     book = openpyxl.Workbook()
-    for row in (["tag", "signal", "x_m", "y_m", "z_m"], ["TI 101", "rtd_3wire", 1.0, 2.0, 3.0]):
-        book.active.append(row)
+    for row in csv.splitlines():
+        book.active.append([float(cell) if cell.isdigit() else cell for cell in row.split(",")])
     made = io.BytesIO()
     book.save(made)
     return made.getvalue()
@@ -223,13 +230,17 @@ def _can_bits() -> Iterable[bytes]:
         yield frame.bits.encode()
 
 
-def _levels(data: bytes) -> Any:
-    """Decode bytes as the samples of a record of an AS-i line, and judge them."""
-    u = np.frombuffer(data[: len(data) // 8 * 8], "f8")
-    capture = asi.decode(u, 0.25e-6)
+def _judged(*record: Any) -> Any:
+    """Decode a record of an AS-i line, and judge it as the command does."""
+    capture = asi.decode(*record)
     capture.counters()
     capture.causes()
     return capture
+
+
+def _levels(data: bytes) -> Any:
+    """Decode bytes as the samples of a record of an AS-i line, and judge them."""
+    return _judged(np.frombuffer(data[: len(data) // 8 * 8], "f8"), 0.25e-6)
 
 
 def _samples() -> Iterable[bytes]:
@@ -254,7 +265,7 @@ TARGETS: dict[str, Target] = {
     ),
     "asi response": Target(_bits(asi.Response.parse), lambda: [asi.Response(5).bits.encode()]),
     "asi capture.csv": Target(_file(".csv", asi.decode), _saved(".csv", _capture)),
-    "asi capture.npz": Target(_file(".npz", asi.decode), _saved(".npz", _capture)),
+    "asi capture.npz": Target(_file(".npz", _judged), _saved(".npz", _capture)),
     "asi capture.sr": Target(_file(".sr", asi.decode), lambda: [_session()]),
     "asi samples": Target(_levels, _samples),
     "asi plan": Target(
@@ -332,6 +343,43 @@ TARGETS: dict[str, Target] = {
             b"time_s,FP_bar,VPos_percent\n0.0,90.5,10\n1.5,91.5,20\n",
         ],
     ),
+    "log of a valve.xlsx": Target(
+        _file(".xlsx", ballast.read_log),
+        lambda: [_workbook("time_s,FP_bar,VPos_percent\n0,90,10\n1,91,20\n")],
+    ),
+    "asi plan.xlsx": Target(
+        _file(".xlsx", asi.read_plan),
+        lambda: [_workbook(datasets.path("synthetic_asi_plan_300m.csv").read_text())],
+    ),
+    "can messages.xlsx": Target(
+        _file(".xlsx", can.read_messages),
+        lambda: [_workbook(datasets.path("synthetic_can_lee2012.csv").read_text())],
+    ),
+    "waveform.npy": Target(
+        _file(".npy", line.Waveform.read),
+        _saved(".npy", lambda path: np.save(path, np.column_stack(2 * [np.arange(9) * 1e-7]))),
+    ),
+    "state of a tool": Target(
+        lambda data: read_state(data, "can_load", can_load.CanLoad),
+        lambda: [write_state("can_load", can_load.CanLoad(), [can_load.CanLoad()]).encode()],
+    ),
+    "link to a tool": Target(
+        _text(lambda text: read_link(text, can_load.CanLoad)),
+        lambda: [b"bit_rate=250000&pin=bit_rate%3D125000"],
+    ),
+    "upload of messages": Target(
+        lambda data: can_load._from_file(can_load.CanLoad(), "a.txt", data),
+        _data("synthetic_can_lee2012.csv"),
+    ),
+    "upload of points": Target(
+        lambda data: ship_design.from_file(ship_design.ShipDesign(), "a", data),
+        _data("synthetic_iolist_valves.csv"),
+    ),
+    "fault of a valve": Target(_text(lambda text: Fault.parse(text, 9)), lambda: [b"3:P2:0.5"]),
+    "fault of an engine": Target(
+        _text(partial(parse_fault, engine.System())), lambda: [b"ME-JB2-044:stuck", b"2:dead"]
+    ),
+    "fault of a wire": Target(_text(WireFault.parse), lambda: [b"late:0.1:3"]),
     "class rules": Target(_file(".csv", design.RuleSet.read), _data("design_rules.csv")),
 }
 

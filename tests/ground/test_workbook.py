@@ -283,3 +283,31 @@ def test_any_sheet_gives_rows_or_an_input_error(sheet):
         return
     assert all(type(text) is str for _, cells, _ in dated for text in cells)
     assert [number for number, _, _ in dated] == sorted({number for number, _, _ in dated})
+
+
+@pytest.mark.parametrize("count", [0, 1, 30_000])
+def test_comments_are_not_read_and_do_not_count_as_cells(count):
+    """Excel stores a comment as text with a font, and as a box of its drawing."""
+    font = "<b/><sz val='9'/><color indexed='81'/><rFont val='Tahoma'/><family val='2'/>"
+    note = f"<comment ref='A1'><text><r><rPr>{font}</rPr><t>ok?</t></r></text></comment>"
+    box = "<v:shape><v:fill/><v:shadow/><v:path/><v:textbox/><x:ClientData/></v:shape>"
+    content = parts("<row r='1'><c><v>1</v></c></row>")
+    data = content | {
+        "xl/comments1.xml": note * count,
+        "xl/comments/comment1.xml": note * count,
+        "xl/threadedComments/threadedComment1.xml": note * count,
+        "xl/drawings/vmlDrawing1.vml": box * count,
+    }
+    assert read(packed(data)) == [(1, ["1"], {})]
+
+
+@pytest.mark.parametrize("part", ["worksheets/sheet1.xml", "sharedStrings.xml"])
+def test_cells_cannot_hide_in_a_part_for_comments(part):
+    hidden = "comments1.xml"
+    content = parts("<row r='1'><c t='s'><v>0</v></c></row>", strings="<si><t>x</t></si>")
+    assert read(packed(content)) == [(1, ["x"], {})]
+    renamed = {
+        name.replace(part, hidden): data.replace(part, hidden) for name, data in content.items()
+    }
+    with pytest.raises(InputError, match=r"0 sheets with cells|list index out of range"):
+        read(packed(renamed))

@@ -5,6 +5,7 @@ import csv
 import inspect
 import io
 import json
+from contextlib import contextmanager
 from pathlib import Path
 
 import openpyxl
@@ -310,3 +311,48 @@ def test_a_word_of_the_command_line_cannot_command_the_terminal(capsys):
     assert not commands(capsys.readouterr().err)
     assert main(["check", "none\x1b[2J\udcff.csv"]) == 2
     assert r"none\u001b[2J\udcff.csv" in capsys.readouterr().err
+
+
+# Files that cannot be written ---------------------------------------------------------------------
+
+
+@contextmanager
+def no_room():
+    """Refuse files of more than 9 bytes, as a full disk does."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (9, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.json", "a.png", "a.svg", "folder"])
+def test_a_full_disk_is_named_and_leaves_the_old_file(name, tmp_path, capsys):
+    messages = str(datasets.path("synthetic_can_lee2012.csv"))
+    for old in ("", "old"):
+        file = tmp_path / name
+        if old:
+            file = (file.mkdir(), file / "responses.csv")[1] if name == "folder" else file
+            file.write_text(old)
+        with no_room():
+            code = main(["can", messages, "-o", str(tmp_path / name)])
+        assert code == 2
+        assert f"shipnet: {tmp_path / name}: cannot be written: " in capsys.readouterr().err
+        assert [path.name for path in tmp_path.iterdir()] == ([name] if old else [])
+        assert not old or (file.read_text() == old and len(list(file.parent.iterdir())) == 1)
+
+
+def test_a_folder_keeps_its_other_files_and_a_device_is_not_replaced(tmp_path, capsys):
+    messages = str(datasets.path("synthetic_can_lee2012.csv"))
+    folder, link = tmp_path / "folder", tmp_path / "link"
+    folder.mkdir()
+    (folder / "mine.txt").write_text("mine")
+    link.symlink_to(folder)
+    assert main(["can", messages, "-o", str(link)]) == 0
+    names = {path.name for path in folder.iterdir()}
+    assert {"mine.txt", "responses.csv"} <= names and link.is_symlink()
+    (tmp_path / "a.csv").symlink_to("/dev/null")
+    assert main(["can", messages, "-o", str(tmp_path / "a.csv")]) == 0
+    assert (tmp_path / "a.csv").resolve() == Path("/dev/null")

@@ -177,7 +177,7 @@ def test_the_table_leaves_out_bit_rates_too_slow_for_the_time_out_and_adds_that_
         (lambda: Poll(STATUS, SerialLine(9600)).scan_time(248), r"n_slaves is 248.*1\.\.247"),
         (lambda: Poll(STATUS, SerialLine(9600)).scan_time(2, dead=3), r"dead is 3.*0\.\.2"),
         (lambda: modbus.scan(2, registers=4, dead=3), r"dead is 3.*0\.\.2"),
-        (lambda: modbus.scan(0, registers=4), r"n_slaves is 0.*1\.\.247"),
+        (lambda: modbus.scan(0, registers=4), r"slaves is 0.*1\.\.247"),
         (lambda: modbus.scan(2, registers=65537), r"registers is 65537.*1\.\.65536"),
         (lambda: modbus.scan(2, registers=125, timeout=0.1), "timeout is 0.1 s; it must be"),
         (lambda: modbus.scan(2, registers=4, limit=-1), "limit is -1"),
