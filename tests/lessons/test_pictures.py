@@ -102,3 +102,17 @@ def test_no_change_takes_longer_than_its_bound():
         assert sum(bar.get_height() for bar in ax.patches) >= 0.99 * len(delay)
     # Waits are uniform between the shortest and the longest.
     assert names["delays"][1].mean() == pytest.approx(0.25 / 2 + names["delays"][1].min(), rel=0.05)
+
+
+def test_a_scope_shows_the_fields_of_the_frame_that_was_sent():
+    names, (wires, difference, lanes) = drawn("papers/lee2012/1_buses.ipynb", "The first frame of")
+    high, low = (line.get_ydata() for line in wires.lines)
+    assert high - low == pytest.approx(difference.lines[0].get_ydata())
+    words = dict(text.get_text().split("\n") for text in lanes.texts if "\n" in text.get_text())
+    assert (words["base"], words["DLC"], words["data"]) == ("100", "1", "12")
+    # The CRC by a second route: division of the bits before it by the polynomial 0x4599.
+    sent = can.decode("".join(map(str, names["read"]))).unstuffed
+    register = 0
+    for bit in sent[:-15]:
+        register = ((register << 1) ^ (0x4599 if (register >> 14) ^ int(bit) else 0)) & 0x7FFF
+    assert words["CRC"] == f"{register:X}"
