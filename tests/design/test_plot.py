@@ -112,7 +112,10 @@ def test_a_cut_is_marked_with_the_points_that_it_loses(ax):
         design.plot(ax, cables=cables)
         bars, crosses = (line for line in ax.lines if line.get_label() in ("cut", "lost"))
         lost = design.iolist.points.set_index("tag").loc[list(design.lost(cables=cables))]
-        assert len(bars.get_xdata()) == len(cables)
+        places = pd.concat([design.devices.set_index("device"), deck.points.set_index("tag")])
+        for run, spot in zip(cables, bars.get_xydata(), strict=True):
+            ends = design.cables.set_index("run").loc[run, ["a", "b"]]
+            assert spot.tolist() == places.loc[ends, ["x_m", "y_m"]].mean().tolist()
         assert np.array_equal(crosses.get_xydata(), lost[["x_m", "y_m"]])
         assert ax.get_title() == f"CAN: {len(lost)} of 12 points lost"
     with pytest.raises(ArgumentError, match="no cable 'x'"):
