@@ -178,6 +178,7 @@ def _check(arguments: argparse.Namespace) -> Answer:
 
 def _can(arguments: argparse.Namespace) -> Answer:
     from shipnet.can.analysis import analyse, compare, read_messages
+    from shipnet.can.log_files import read_log
     from shipnet.can.messages import BIT_RATES
 
     if arguments.log and arguments.rates:
@@ -217,6 +218,12 @@ def _can(arguments: argparse.Namespace) -> Answer:
         "bus_time": (result.at_lowest.utilisation().bus_time, "1"),
     }
     observed = pd.DataFrame() if messages.observed is None else messages.observed
+    if len(observed) and any(message.extended for message in messages):
+        whole = read_log(arguments.messages).assemble()
+        kinds = whole.messages.groupby(["pgn", "name", "source", "frames"])
+        more["messages_by_pgn"] = kinds.size().reset_index(name="messages")
+        unlisted = [f"PGN {pgn} may be a fast packet" for pgn in whole.unlisted]
+        more["not_put_together"] = pd.DataFrame({"reason": [*whole.faults, *unlisted]})
     gains = result.lowest_in_best_order < result.lowest
     order = result.best.messages.table().reset_index()[["name", "arbitration_id"]]
     return _answer(

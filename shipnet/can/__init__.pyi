@@ -12,6 +12,8 @@ from .frame import Arbitration as Arbitration
 from .frame import Frame as Frame
 from .frame import arbitrate as arbitrate
 from .frame import decode as decode
+from .j1939 import Assembled as Assembled
+from .j1939 import J1939Id as J1939Id
 from .lengths import frame_length as frame_length
 from .log import Log as Log
 from .log import LogLoad as LogLoad
@@ -26,6 +28,7 @@ from .response import Assumptions as Assumptions
 from .response import ResponseTime as ResponseTime
 from .response import ResponseTimes as ResponseTimes
 from .response import audsley as audsley
+from .response import gateway as gateway
 from .response import response_times as response_times
 from .segment import Segment as Segment
 from .segment import Signals as Signals

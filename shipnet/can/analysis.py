@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from shipnet.arrays import Floats
+from shipnet.arrays import Floats, Integers
 from shipnet.can.dbc import parse_dbc
 from shipnet.can.faults import ErrorBound
 from shipnet.can.frame import hexadecimal
-from shipnet.can.lengths import Octets
+from shipnet.can.j1939 import J1939Id
 from shipnet.can.log import CLOCK_TOLERANCE, Log, coarse, lateness
 from shipnet.can.log_files import log_kind, read_log
 from shipnet.can.messages import BIT_RATES, Message, MessageSet, bus_load, read_list
@@ -48,13 +48,14 @@ def read_messages(
     columns : mapping of str to str, optional
         Maps other titles to columns, such as ``{"Every": "period_ms"}``. Required: ``name``,
         ``arbitration_id``, ``dlc`` and, unless `period` is given, ``period_ms``. Optional:
-        ``deadline_ms``, ``jitter_ms``, ``offset_ms``, ``extended``, ``sender`` and ``bits``.
+        ``deadline_ms``, ``jitter_ms``, ``offset_ms``, ``extended``, ``sender``, ``bits`` and
+        ``transport``.
         ``note`` is ignored. Titles such as ``Cycle time [s]`` and ``CAN-ID (hex)`` are recognised.
     period : float, optional
         Period of messages that have none in the file, 1e-6..1e5 [s].
     strict : bool, default True
         If True, faults in a DBC file raise an error. If False, messages with overlapping or
-        oversized signals are kept, other faulty messages (CAN FD, more than 8 bytes, no cycle time,
+        oversized signals are kept, other faulty messages (CAN FD, too many bytes, no cycle time,
         duplicate name or identifier) are omitted, and `MessageSet.overlooked` lists all these
         faults.
 
@@ -75,7 +76,8 @@ def read_messages(
     -----
     If there is no column ``extended``, identifiers above 0xFFFF or with eight hexadecimal digits
     count as 29-bit. In a DBC file the period is ``GenMsgCycleTime`` [ms]; 0 means none. Signals are
-    checked but not stored.
+    checked but not stored. A message of more than 8 bytes is a fast packet if the file is marked as
+    NMEA 2000, and otherwise a session of J1939: BAM or, if its PGN has a destination, RTS/CTS.
 
     A message found in a log is named after its identifier, and its ``dlc`` is the largest found.
     `MessageSet.observed` describes its frames. ``kind`` is ``periodic`` if it was sent throughout
@@ -259,6 +261,9 @@ def analyse(
         for rate in rates
     }
     lowest = min((rate for rate, times in responses.items() if times.met), default=math.inf)
+    if any(message.session for message in message_set):  # in the only order there is
+        best = Assignment(message_set, lowest < math.inf, ())
+        return Analysis(message_set, responses, lowest, best, lowest)
     best = audsley(message_set, min(lowest, rates[-1]), assumptions=assumptions, faults=faults)
     lowest_best = min(lowest, rates[-1]) if best.feasible else math.inf
     for rate in reversed([rate for rate in rates if rate < lowest_best < math.inf]):
@@ -363,7 +368,8 @@ def compare(
         Period of planned messages that have none in the file, 1e-6..1e5 [s].
     pgn : bool, default False
         True to recognise all messages with 29-bit identifiers by their PGN, whatever the priority,
-        source and destination. Messages that a DBC file assigns to J1939 or NMEA 2000 always are.
+        and from any source that is not planned. Messages with a transport, and those that a DBC
+        file assigns to J1939 or NMEA 2000, always are. Long messages are compared as a whole.
 
     Returns
     -------
@@ -391,19 +397,34 @@ def compare(
     """
     plan = _messages(messages, period)
     frames = log if isinstance(log, Log) else read_log(log)
-    order = np.lexsort((frames.time, frames.keys))
-    keys, codes = frames.keys[order], frames.dlc[order]
-    times = frames.time[order] - (frames.time.min() if len(frames) else 0.0)
+    keys, codes, times = frames.keys, frames.dlc.astype(int), frames.time
+    if any(message.transport for message in plan):
+        fast = [
+            J1939Id.of(one.arbitration_id).pgn for one in plan if one.transport == "fast packet"
+        ]
+        table, alone = frames.assemble(fast).messages, ~frames.extended | frames.remote
+        priority, pgns, source, to = (table[part].to_numpy(int) for part in J1939Id._fields)
+        ids = priority << 26 | (pgns | np.where((pgns >> 8 & 0xFF) < 240, to, 0)) << 8 | source
+        keys = np.concatenate([keys[alone], ids << 1 | 1])
+        codes = np.concatenate([codes[alone], table["size"]])
+        times = np.concatenate([times[alone], table["time_s"]])
+    order = np.lexsort((times, keys))
+    keys, codes = keys[order], codes[order]
+    times = times[order] - (frames.time.min() if len(frames) else 0.0)
     end = times.max() if len(frames) else math.nan
     planned = {message.arbitration_id << 1 | message.extended: message for message in plan}
-    groups = {
-        _pgn(key): message
-        for key, message in reversed(planned.items())
-        if message.extended and (pgn or message.name in plan.any_source)
-    }
+    groups: dict[Any, Message] = {}
+    for key, message in reversed(planned.items()):
+        if message.extended and (pgn or message.name in plan.any_source or message.transport):
+            _, group, *ends = J1939Id.of(key >> 1)
+            groups[group] = groups[group, *ends] = message
     sources: dict[Message | None, list[int]] = defaultdict(list)
     for key in np.unique(keys).tolist():
-        sources[planned.get(key) or (groups.get(_pgn(key)) if key & 1 else None)].append(key)
+        one = planned.get(key)
+        if one is None and key & 1:
+            _, group, *ends = J1939Id.of(key >> 1)
+            one = groups.get((group, *ends), groups.get(group))
+        sources[one].append(key)
     for key, message in planned.items():
         if message not in sources:
             sources[message].append(key)
@@ -427,14 +448,8 @@ def compare(
     return LogComparison(table.set_index("name").round(6), frames.step)
 
 
-def _pgn(key: int) -> int:
-    """Return the PGN in the 29-bit identifier of a key; it excludes a destination address."""
-    group = key >> 9 & 0x3FFFF
-    return group if group >> 8 & 0xFF >= 240 else group & 0x3FF00
-
-
 def _differences(
-    message: Message, times: Floats, codes: Octets, silence: float, step: float, seen: Any
+    message: Message, times: Floats, codes: Integers, silence: float, step: float, seen: Any
 ) -> list[str]:
     """Return the verdicts on the frames of a message; no verdict if they are as planned.
 

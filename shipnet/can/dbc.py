@@ -6,6 +6,7 @@ import logging
 import re
 from typing import Any
 
+from shipnet.can.j1939 import GLOBAL, fast_pgns, id_parts
 from shipnet.can.messages import Message, MessageSet, set_faults
 from shipnet.errors import ArgumentError, InputError, load_extra
 
@@ -49,6 +50,8 @@ def parse_dbc(
     # cantools may raise any exception.
     except Exception as problem:
         raise InputError(source, f"is not a DBC file: {one_line(problem)}") from None
+    protocol = database.dbc.attributes.get("ProtocolType")
+    marked = str(protocol.value) if protocol is not None else ""
     messages: list[tuple[str, Message]] = []
     faults, overlooked = [], []
     for entry in database.messages:
@@ -58,7 +61,7 @@ def parse_dbc(
         except Exception as problem:
             overlooked.append(f"{where}: {one_line(problem)}")
         try:
-            messages.append((where, _message(entry, period)))
+            messages.append((where, _message(entry, period, marked)))
         except ArgumentError as fault:
             faults.append(f"{where}{'' if str(fault).startswith('has ') else ':'} {fault}")
     taken = dict(set_faults(message for _, message in messages))
@@ -68,22 +71,28 @@ def parse_dbc(
         faults += [f"{fault}; strict=False accepts the message" for fault in overlooked]
     if not kept or (strict and faults):
         raise InputError(source, *(faults or ["has no message"]))
-    protocol = database.dbc.attributes.get("ProtocolType")
-    marked = protocol is not None and str(protocol.value) in ("J1939", "NMEA2000")
-    any_source = [
-        entry.name
-        for entry in database.messages
-        if entry.is_extended_frame and (marked or entry.protocol == "j1939")
-    ]
+    any_source = [entry.name for entry in database.messages if _is_j1939(entry, marked)]
     return MessageSet(kept, overlooked=[*overlooked, *faults], any_source=any_source)
 
 
-def _message(entry: Any, period: float | None) -> Message:
+def _is_j1939(entry: Any, marked: str) -> bool:
+    """Return whether a message of cantools has a PGN; `marked` is the protocol of its file."""
+    j1939 = marked in ("J1939", "NMEA2000") or entry.protocol == "j1939"
+    return j1939 and bool(entry.is_extended_frame)
+
+
+def _message(entry: Any, period: float | None, marked: str) -> Message:
     """Return a message of cantools; without a cycle time, it has the given period."""
-    if entry.length > 8:
+    _, pgn, _, to = map(int, id_parts(entry.frame_id))
+    transport = "BAM" if to == GLOBAL else "RTS/CTS"
+    if marked == "NMEA2000":
+        transport = "fast packet"
+    if entry.length <= 8 and not (transport == "fast packet" and pgn in fast_pgns()):
+        transport = ""
+    elif not _is_j1939(entry, marked):
         raise ArgumentError(
-            f"has {entry.length} bytes; a frame of classic CAN has at most 8. List the "
-            "frames of a fast packet or transport protocol in a CSV file"
+            f"has {entry.length} bytes; a frame of classic CAN has at most 8, and neither the "
+            "message nor the file is marked as J1939 or NMEA 2000"
         )
     try:
         cycle = float(str(entry.cycle_time or 0)) / 1e3 or period
@@ -103,6 +112,7 @@ def _message(entry: Any, period: float | None) -> Message:
         extended=entry.is_extended_frame,
         # cantools omits Vector__XXX, which marks a message without a sender.
         sender=entry.senders[0] if entry.senders else "",
+        transport=transport,
     )
 
 

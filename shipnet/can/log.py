@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -14,6 +15,7 @@ import numpy.typing as npt
 
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.frame import check_bit_rate, hexadecimal, highest_id
+from shipnet.can.j1939 import Assembled, assemble, id_columns
 from shipnet.can.lengths import measure_frames
 from shipnet.can.messages import Message, MessageSet
 from shipnet.errors import ArgumentError
@@ -151,14 +153,25 @@ class Log:
             raise ArgumentError(f"the log has no time stamps; {what} requires them")
 
     def table(self) -> pd.DataFrame:
-        """Return one row per frame."""
+        """Return one row per frame; 29-bit identifiers are also shown in parts, as in J1939."""
         text = self.data.tobytes().hex(" ", 8).split() if len(self) else []
-        table = pd.DataFrame(dict(zip([*_KINDS][:6], self.columns, strict=False)))
-        keys, frames = np.unique(self.keys, return_inverse=True)
-        names = [hexadecimal(key >> 1, key & 1) for key in keys.tolist()]
-        table["arbitration_id"] = np.array(names, dtype=object)[frames]
-        table["data"] = [octets[: 2 * n] for octets, n in zip(text, self.sizes, strict=True)]
-        return table.rename(columns={"time": "time_s"})
+        columns = {"time_s": self.time, "channel": self.channel}
+        columns |= id_columns(self.arbitration_id, self.extended)
+        columns |= {"extended": self.extended, "remote": self.remote, "dlc": self.dlc}
+        data = [octets[: 2 * n] for octets, n in zip(text, self.sizes, strict=True)]
+        return pd.DataFrame(columns | {"data": data})
+
+    def assemble(self, fast: Collection[int] = ()) -> Assembled:
+        """Return the messages of a J1939 or NMEA 2000 bus, with all their bytes.
+
+        Fast packets and sessions (BAM, RTS/CTS) are put together; other frames with 29-bit
+        identifiers are messages of their own. Fast packets are those listed in
+        ``nmea2000_pgns.csv``, all proprietary ones, and the PGNs in `fast`.
+        """
+        rows = self.extended & ~self.remote
+        columns = (self.time, self.channel, self.arbitration_id, self.sizes, self.data)
+        time, channel, numbers, sizes, data = (column[rows] for column in columns)
+        return assemble(time, channel, numbers, sizes, data, fast)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a ``.log`` file in the format of ``candump -l``."""

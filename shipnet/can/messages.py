@@ -21,6 +21,7 @@ import numpy.typing as npt
 from shipnet import datasets, tables
 from shipnet.arrays import Floats, Indices, Integers
 from shipnet.can.frame import check_bit_rate, hexadecimal, highest_id
+from shipnet.can.j1939 import TP_DT, TRANSPORTS, frame_count, id_columns
 from shipnet.can.lengths import Stuffing, length_table
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError, InputError
@@ -31,6 +32,7 @@ from shipnet.fields import (
     check_choice,
     check_fields,
     check_whole,
+    choice,
     declared,
     number,
     record,
@@ -70,7 +72,7 @@ class Message:
         "",
         "Identifier, up to 0x7FF unless `extended`; the lowest has the highest priority",
     )
-    dlc: int = whole(0, 8, "", "Number of data bytes")
+    dlc: int = whole(0, 1785, "", "Number of data bytes; above 8 only with a `transport`")
     period: float = number(1e-6, 1e5, "s", "Shortest time between two events that trigger it")
     deadline: float = number(
         1e-6,
@@ -102,6 +104,11 @@ class Message:
         default=None,
         optional=True,
     )
+    transport: str = choice(
+        TRANSPORTS,
+        "How a message of NMEA 2000 (fast packet) or J1939 is sent in several frames",
+        default="",
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -112,6 +119,12 @@ class Message:
             raise ArgumentError("name is ''; a message needs a name")
         if not self.extended:
             check_whole("arbitration_id", self.arbitration_id, 0, highest_id(False))
+        least, most = TRANSPORTS[self.transport]
+        if not least <= self.dlc <= most:
+            how = f"if transport is {self.transport!r}"
+            raise ArgumentError(f"dlc is {self.dlc}; it must be {least}..{most} {how}")
+        if self.transport and (self.bits or not self.extended):
+            raise ArgumentError(f"transport is {self.transport!r}; it needs `extended`, not `bits`")
         if self.deadline is None:
             object.__setattr__(self, "deadline", self.period)
         for field in TIMES:
@@ -129,18 +142,32 @@ class Message:
         """Sort key for arbitration; the smallest key wins.
 
         The first 11 bits of the identifier are compared first. If they are equal, a standard frame
-        wins: its RTR bit is dominant, but the SRR bit of an extended frame is recessive.
+        wins: its RTR bit is dominant, but the SRR bit of an extended frame is recessive. The
+        sessions of J1939 use the PGN of data transfer, with priority 7.
         """
         if not self.extended:
             return self.arbitration_id, False, 0
-        return self.arbitration_id >> 18, True, self.arbitration_id & 0x3FFFF
+        number = 7 << 26 | TP_DT << 8 if self.session else self.arbitration_id
+        return number >> 18, True, number & 0x3FFFF
+
+    @property
+    def session(self) -> bool:
+        """True if its frames are those of a session of J1939, not its own."""
+        return self.transport in ("BAM", "RTS/CTS")
+
+    @property
+    def frames(self) -> int:
+        """Number of frames, including those with which the receiver of a session answers."""
+        return frame_count(self.dlc, self.transport)
 
     def frame_length(self, stuffing: Stuffing = "worst") -> float:
-        """Return the length of the frame with intermission [bit]."""
+        """Return the length of the frame or of all frames, with intermission [bit]."""
+        if self.transport:
+            return self.frames * length_table(stuffing)[True][8]
         return self.bits or length_table(stuffing)[self.extended][self.dlc]
 
     def frame_time(self, bit_rate: float) -> float:
-        """Return the duration of the longest frame and its intermission [s]."""
+        """Return the duration of the longest frame (or all frames) and its intermission [s]."""
         return self.frame_length() / check_bit_rate(bit_rate)
 
 
@@ -164,6 +191,7 @@ _TITLES = {
     "extended": "extended ext extendedid 29bit ide format frameformat idtype",
     "sender": "sender node sendernode transmitter txnode ecu source station",
     "bits": "bits framelength framebits",
+    "transport": "transport transportprotocol",
     "note": "note notes remark remarks comment comments description no nr item pos receiver "
     "receivers receivingnode rx rxnode direction dir signal signals content contents system type "
     "sendtype messagetype bus channel network priority prio pgn revision rev status",
@@ -203,17 +231,17 @@ class _Messages(Cells):
 def set_faults(messages: Iterable[Message]) -> list[tuple[int, str]]:
     """Return the indices of messages whose name or identifier is already taken, with the reason."""
     names: set[str] = set()
-    taken: dict[tuple[int, bool, int], str] = {}
+    taken: dict[tuple[int, bool], str] = {}
     faults = []
     for index, message in enumerate(messages):
         if message.name in names:
             faults.append((index, f"name {message.name!r} is taken"))
-        priority = message.priority
-        if priority in taken:
+        key = message.arbitration_id, message.extended
+        if key in taken:
             identifier = f"arbitration_id {message.hex_id} of {message.name!r}"
-            faults.append((index, f"{identifier} is taken by {taken[priority]!r}"))
+            faults.append((index, f"{identifier} is taken by {taken[key]!r}"))
         names.add(message.name)
-        taken.setdefault(priority, message.name)
+        taken.setdefault(key, message.name)
     return faults
 
 
@@ -291,7 +319,7 @@ class MessageSet(Named[Message]):
         items = list(messages)
         if faults := set_faults(items):
             raise ArgumentError("; ".join(fault for _, fault in faults))
-        self._items = tuple(sorted(items, key=lambda message: message.priority))
+        self._items = tuple(sorted(items, key=lambda one: (one.priority, one.arbitration_id)))
         self._lengths: dict[Stuffing, Floats] = {}
 
     @property
@@ -314,11 +342,9 @@ class MessageSet(Named[Message]):
         return times
 
     def lengths(self, stuffing: Stuffing = "worst") -> Floats:
-        """Return the frame lengths in order of priority, including intermission [bit]."""
+        """Return the lengths of each message's frames in order of priority [bit]."""
         if stuffing not in self._lengths:
-            table = length_table(stuffing)
-            bits = [m.bits or table[m.extended][m.dlc] for m in self._items]
-            lengths = np.array(bits, dtype=np.float64)
+            lengths = np.array([m.frame_length(stuffing) for m in self._items], dtype=np.float64)
             lengths.flags.writeable = False
             self._lengths[stuffing] = lengths
         return self._lengths[stuffing]
@@ -371,13 +397,19 @@ class MessageSet(Named[Message]):
         return self.ordered(m.name for m in sorted(self, key=lambda message: message.deadline))
 
     def table(self) -> pd.DataFrame:
-        """Return one row per message, indexed by name: its fields, with times in ms."""
+        """Return one row per message, indexed by name: its fields, with times in ms.
+
+        The parts of 29-bit identifiers in J1939, and ``transport``, are included if there are any.
+        """
         columns: dict[str, list[Any]] = {}
         for column in COLUMNS[1:]:
             field = column.removesuffix("_ms")
             values = [getattr(message, field) for message in self]
             # Conversion from whole nanoseconds keeps 2.5 ms exact.
             columns[column] = [nanoseconds(t) / 1e6 for t in values] if field in TIMES else values
+        if not any(columns["transport"]):
+            del columns["transport"]
+        columns = id_columns(columns["arbitration_id"], columns["extended"]) | columns
         columns["arbitration_id"] = [message.hex_id for message in self]
         index = pd.Index(self.names, name="name", dtype=object)
         return pd.DataFrame(columns, index=index).astype({"bits": "Int64", "sender": object})
@@ -412,6 +444,7 @@ class MessageSet(Named[Message]):
                 "yes" if message.extended else "no",
                 message.sender,
                 message.bits,
+                message.transport,
             )
             for message in self
         ]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Iterable, MutableSequence, Sequence
+from collections.abc import Iterable, Mapping, MutableSequence, Sequence
 from itertools import chain
 from typing import Any, Literal, NamedTuple, TypeAlias
 
@@ -19,12 +19,13 @@ from shipnet.answers import Utilisation
 from shipnet.arrays import Integers
 from shipnet.can.faults import NO_ERRORS, ErrorBound
 from shipnet.can.frame import INTERMISSION, check_bit_rate
+from shipnet.can.j1939 import id_columns, id_parts
 from shipnet.can.messages import Message, MessageSet, Named
 from shipnet.can.offsets import Streams, clocks, longest_responses
 from shipnet.clock import NEVER, nanoseconds
 from shipnet.compiled import MANY, compiled
 from shipnet.errors import ArgumentError
-from shipnet.fields import choice, record, switch
+from shipnet.fields import check_scalar, choice, number, record, switch
 from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 
@@ -59,6 +60,7 @@ class Assumptions:
     own_jitter: bool = switch(
         "Whether response times start at the event, not when the message is queued", default=True
     )
+    gap: float = number(1e-3, 0.2, "s", "Time between two frames of a session", default=0.05)
 
 
 _DAVIS = Assumptions()  #: The assumptions by default.
@@ -68,7 +70,7 @@ _DAVIS = Assumptions()  #: The assumptions by default.
 _MOST = 200_000
 
 Column: TypeAlias = MutableSequence[int]
-Ticks: TypeAlias = Sequence[int]
+Row: TypeAlias = Sequence[int]
 
 
 @compiled
@@ -77,27 +79,30 @@ def wait(
     m: int,
     q: int,
     B: int,
-    C: Sequence[int],
-    T: Sequence[int],
-    J: Sequence[int],
+    C: Row,
+    S: Row,
+    T: Row,
+    J: Row,
     tau: int,
     burst: int,
     interval: int,
     E: int,
 ) -> int:
-    """Return how long instance q of message m waits until its frame starts; at least the given w.
+    """Return how long instance q of message m waits until its last frame starts; at least w.
 
     B is the blocking, tau the bit time, and E the time that an error costs. C, T and J are the
-    frame times, periods and jitters of all messages, highest priority first.
+    frame times, periods and jitters of all messages, highest priority first. S is the time of all
+    frames of an instance. They are queued together, so no lower priority wins between them, and
+    those before the last one are like frames of a higher priority.
     """
     before = -1
     while w != before:
         before = w
         errors = burst - 1 + (before + C[m] + interval - 1) // interval
-        w = B + q * C[m] + errors * E
+        w = B + (q + 1) * S[m] - C[m] + errors * E
         for k in range(m):
             # (a + b - 1) // b is a / b, rounded up.
-            w += (before + tau + J[k] + T[k] - 1) // T[k] * C[k]
+            w += (before + tau + J[k] + T[k] - 1) // T[k] * S[k]
     return w
 
 
@@ -105,9 +110,10 @@ def wait(
 def instances(
     t: int,
     m: int,
-    C: Sequence[int],
-    T: Sequence[int],
-    J: Sequence[int],
+    C: Row,
+    S: Row,
+    T: Row,
+    J: Row,
     tau: int,
     burst: int,
     interval: int,
@@ -128,8 +134,8 @@ def instances(
     for k in range(m + 1):
         if C[k] > longest:
             longest = C[k]
-        queued += C[k]
-        U += C[k] / T[k]
+        queued += S[k]
+        U += S[k] / T[k]
     E = error + longest  # an error costs an error frame and a frame that is sent again
     U += E / interval
 
@@ -138,7 +144,7 @@ def instances(
         before, left = t, left - 1
         t = B + (burst - 1 + (before + interval - 1) // interval) * E
         for k in range(m + 1):
-            t += (before + J[k] + T[k] - 1) // T[k] * C[k]
+            t += (before + J[k] + T[k] - 1) // T[k] * S[k]
     Q = (t + J[m] + T[m] - 1) // T[m]
     if t != before or Q > most:
         t, Q = -1, 0
@@ -146,15 +152,15 @@ def instances(
     R: list[int] = []
     w = B + queued - C[m]
     for q in range(Q):
-        w = wait(w, m, q, B, C, T, J, tau, burst, interval, E)
+        w = wait(w, m, q, B, C, S, T, J, tau, burst, interval, E)
         R.append(J[m] + w - q * T[m] + C[m])
-        w += C[m]  # the next instance waits at least this long
+        w += S[m]  # the next instance waits at least this long
     return B, t, R
 
 
 @compiled
 def all_instances(
-    C: Ticks, T: Ticks, J: Ticks, tau: int, burst: int, interval: int, error: int, most: int
+    C: Row, S: Row, T: Row, J: Row, tau: int, burst: int, interval: int, error: int, most: int
 ) -> tuple[list[int], list[int], list[int], list[int]]:
     """Return B and t of each message, the R of all, and where each message's R end."""
     blocking: list[int] = []
@@ -164,7 +170,7 @@ def all_instances(
     t = 0
     for m in range(len(C)):
         # A busy period is at least as long as that of the message before.
-        B, t, R = instances(t, m, C, T, J, tau, burst, interval, error, most)
+        B, t, R = instances(t, m, C, S, T, J, tau, burst, interval, error, most)
         blocking.append(B)
         busy.append(t)
         responses.extend(R)
@@ -182,6 +188,7 @@ class Bus(NamedTuple):
     steps: float
     second: int
     C: Column
+    S: Column
     T: Column
     J: Column
     D: Column
@@ -195,7 +202,7 @@ class Bus(NamedTuple):
     def terms(self) -> tuple[Any, ...]:
         """The arguments of the kernels."""
         errors = self.burst, self.interval, self.error
-        return self.C, self.T, self.J, self.tau, *errors, _MOST
+        return self.C, self.S, self.T, self.J, self.tau, *errors, _MOST
 
 
 def on_bus(
@@ -205,9 +212,13 @@ def on_bus(
     exact = check_bit_rate(bit_rate)
     if exact % 1:
         raise ArgumentError(f"bit_rate is {bit_rate!r}; it must be a whole number of bit/s")
-    rate, number, times = int(exact), len(messages), messages.times
+    rate, number, times = int(exact), len(messages), messages.times.copy()
     assumptions = assumptions or _DAVIS
-    length = messages.lengths(assumptions.stuffing)
+    all_frames = messages.lengths(assumptions.stuffing).copy()
+    length = all_frames / [message.frames for message in messages]
+    is_session = np.array([message.session for message in messages], dtype=bool)
+    times[0, is_session], times[2, is_session] = nanoseconds(assumptions.gap), 0  # of its frames
+    all_frames[is_session] = length[is_session]
     never = errors.interval == math.inf
     interval = 0 if never else nanoseconds(errors.interval)
 
@@ -218,8 +229,8 @@ def on_bus(
 
     # Estimates in ns. Frames that become due while others are sent make a busy period longer.
     T, _, J, _ = times
-    C = length * (1e9 / rate)
-    share, frame, frames = C / T, float(C.max(initial=0)), float(C.sum())
+    C, S = length * (1e9 / rate), all_frames * (1e9 / rate)
+    share, frame, frames = S / T, float(C.max(initial=0)), float(S.sum())
     load, late = float(share.sum()), float(share @ J)
     error = errors.bits * 1e9 / rate + frame
     left = 1 - load - (0 if never else error / interval)
@@ -243,6 +254,7 @@ def on_bus(
         steps if fast else 0,
         second,
         column(length.astype(np.int64), bit),
+        column(all_frames.astype(np.int64), bit),
         periods,
         jitters,
         deadlines,
@@ -254,9 +266,24 @@ def on_bus(
     )
 
 
+def _session(message: Message, messages: MessageSet, gap: float, frame: float) -> float:
+    """Return the longest response time of a session [s], if none of its frames waits longer.
+
+    It waits for the sessions of the same ends, which are sent in order: if they fit into the time,
+    those waiting together take the sum of D (1 + J / T).
+    """
+    ends = id_parts(message.arbitration_id)[2:]
+    same = [m for m in messages if m.session and id_parts(m.arbitration_id)[2:] == ends]
+    takes = [(m, m.frames * (frame + gap)) for m in same]
+    if sum(D / m.period for m, D in takes) > 1:
+        return math.inf
+    return message.jitter + sum(D * (1 + m.jitter / m.period) for m, D in takes) - gap
+
+
 class ResponseTime(NamedTuple):
     """The longest response time of a `message`, and the times that determine it [s].
 
+    `frame_time` is the duration of all its frames, and `response` ends with the last one.
     `blocking` is the duration of the longest lower-priority frame, which may already be on the bus.
     `busy_period` is the longest time for which messages of this or higher priority keep the bus
     busy, blocking included: infinite if it never ends, NaN with offsets. `instances` contains the
@@ -350,7 +377,7 @@ class ResponseTimes(Named[ResponseTime]):
         messages = [item.message for item in self._items]
         table = pd.DataFrame(
             {
-                "arbitration_id": [message.hex_id for message in messages],
+                **id_columns([m.arbitration_id for m in messages], [m.extended for m in messages]),
                 "frame_ms": [item.frame_time * 1e3 for item in self],
                 "blocking_ms": [item.blocking * 1e3 for item in self],
                 "busy_period_ms": [item.busy_period * 1e3 for item in self],
@@ -449,6 +476,10 @@ def response_times(
     more than 200000 iterations to compute or contains more than 200000 instances. Every node must
     send its highest-priority message first, and the instances of a message in order.
 
+    The frames of a fast packet are queued together. Those of a session (BAM, RTS/CTS) are queued
+    one by one, with priority 7, each when the one before it has been sent for the `gap` of
+    `Assumptions`. J1939-21 allows 0.05..0.2 s for BAM and up to 0.2 s for RTS/CTS.
+
     With `offsets`, only the frames of the message's own sender are examined one by one; every other
     sender is assumed to be at its worst phase. The bound is safe. It equals the bound without
     offsets if each message has its own sender, if the load is 0.99 or more, or if more than a
@@ -477,26 +508,37 @@ def response_times(
     >>> c.instances, c.response, c.met
     ((0.003, 0.0035), 0.0035, False)
     """
-    if offsets and ((faults and faults.burst) or (assumptions and not assumptions.own_jitter)):
-        raise ArgumentError("offsets is True; it requires own_jitter and allows no faults")
+    assumptions = assumptions or _DAVIS
+    long = any(message.transport for message in messages)
+    if offsets and (long or (faults and faults.burst) or not assumptions.own_jitter):
+        raise ArgumentError(
+            "offsets is True; it requires own_jitter and single frames, and allows no faults"
+        )
     bus = on_bus(messages, bit_rate, assumptions, faults or NO_ERRORS)
     blocking, busy, R, ends = all_instances.run(bus.steps, *bus.terms)
     busy_periods: Sequence[float] = busy
     if offsets and (longest := _with_offsets(bus, messages)):
         R, ends = longest, [*range(1, len(longest) + 1)]
         busy_periods = [math.nan] * len(longest)
+    last = max((m for m, message in enumerate(messages) if message.session), default=-1)
+    waits = R[ends[last - 1] if last > 0 else 0 : ends[last]] if last >= 0 else []
+    frame = max(waits, default=math.inf) / bus.second
+    lengths = messages.lengths(assumptions.stuffing)
     items, first, second = [], 0, bus.second
-    for message, C, D, extra, B, t, end in zip(
-        messages, bus.C, bus.D, bus.extra, blocking, busy_periods, ends, strict=True
+    for message, bits, D, extra, B, t, end in zip(
+        messages, lengths, bus.D, bus.extra, blocking, busy_periods, ends, strict=True
     ):
         # A busy period of -1 never ends.
         responses: list[float] = [ticks + extra for ticks in R[first:end]]
         responses = responses or [math.inf]
+        if message.session:  # all sessions count as having a higher priority than the last one
+            response = _session(message, messages, assumptions.gap, frame)
+            responses, t = [response * second], math.nan
         worst, first = max(responses), end
         items.append(
             ResponseTime(
                 message,
-                C / second,
+                int(bits) * bus.tau / second,
                 B / second,
                 math.inf if t < 0 else t / second if t >= 0 else math.nan,
                 tuple(ticks / second for ticks in responses),
@@ -525,6 +567,62 @@ def _with_offsets(bus: Bus, messages: MessageSet) -> list[int] | None:
     except OverflowError:
         return None
     return longest and [value * tick for value in longest]
+
+
+def gateway(
+    arrivals: ResponseTimes,
+    messages: MessageSet,
+    bit_rate: float,
+    names: Mapping[str, str],
+    *,
+    delay: float,
+) -> ResponseTimes:
+    """Return the response times on a second bus, to which a gateway forwards messages.
+
+    A forwarded message is queued at most its response time on the first bus plus the delay after
+    its event. This is its jitter on the second bus, so its response there is end to end.
+
+    Parameters
+    ----------
+    arrivals : ResponseTimes
+        Response times on the first bus, from the event, or another result of `gateway`.
+    messages : MessageSet
+        Messages of the second bus. Deadlines of forwarded ones count from the event on the first.
+    bit_rate : float
+        Bit rate of the second bus, a whole number 1000..1000000 [bit/s].
+    names : mapping of str to str
+        Names of the forwarded messages on the first bus, and on the second.
+    delay : float
+        Longest time from the end of a message until the gateway has queued it, 0..1e4 [s].
+
+    Returns
+    -------
+    ResponseTimes
+        The bounds on the second bus; for forwarded messages, from the event on the first.
+
+    Raises
+    ------
+    ArgumentError
+        If a message has no bound on the first bus or another period on the second.
+
+    Examples
+    --------
+    >>> engine = MessageSet([Message("speed", 1, 8, 0.01), Message("oil", 2, 8, 0.1)])
+    >>> ship = MessageSet([Message("alarm", 1, 8, 0.1), Message("oil", 2, 8, 0.1)])
+    >>> first = response_times(engine, 125e3)
+    >>> gateway(first, ship, 125e3, {"oil": "oil"}, delay=2e-3)["oil"].response
+    0.00632
+    """
+    check_scalar("delay", delay, "s", 0, 1e4)
+    for name, new in names.items():
+        first, second = arrivals[name], messages[new].period
+        if first.message.period != second or first.response == math.inf:
+            raise ArgumentError(
+                f"{name!r} has a period of {first.message.period:g} s and a response of "
+                f"{first.response:g} s; it needs a bound and the period of {new!r}, {second:g} s"
+            )
+        messages = messages.replace(new, jitter=first.response + delay)
+    return response_times(messages, bit_rate)
 
 
 class Assignment(NamedTuple):
@@ -592,10 +690,12 @@ def audsley(
     >>> audsley(messages, 125e3)
     Assignment(messages=MessageSet(3 messages: Z, Y, X), feasible=True, unplaced=())
     """
+    if any(message.session for message in messages):
+        raise ArgumentError("messages contain sessions of J1939, whose priority is fixed")
     left = messages.deadline_monotonic()
     bus = on_bus(left, bit_rate, assumptions, faults or NO_ERRORS)
     names = list(left.names)
-    columns: list[MutableSequence[Any]] = [names, bus.C, bus.T, bus.J, bus.D, bus.extra]
+    columns: list[MutableSequence[Any]] = [names, bus.C, bus.S, bus.T, bus.J, bus.D, bus.extra]
     level = len(left) - 1
 
     def move(index: int, to: int) -> None:

@@ -107,13 +107,16 @@ class Run:
     def table(self) -> pd.DataFrame:
         """Return one row per message, highest priority first, indexed by name.
 
-        ``released``, ``sent`` and ``waiting`` count frames; ``min_ms``, ``mean_ms`` and ``max_ms``
-        are response times; ``missed`` counts frames that missed the deadline.
+        ``released``, ``sent`` and ``waiting`` count messages; ``min_ms``, ``mean_ms`` and
+        ``max_ms`` are response times of their last frames; ``missed`` counts missed deadlines.
         """
         retries = np.bincount(self._failures[:, 0], minlength=len(self._start))
         rows = []
         for rank, (begin, end) in enumerate(pairwise(self._first)):
-            arrival, start = self._arrival[begin : end - 1], self._start[begin : end - 1]
+            # One row per message; the last one is never sent.
+            shape = -1, self.system[rank].frames
+            columns = (each[begin:end].reshape(shape) for each in (self._arrival, self._start))
+            arrival, start = (each[:-1, -1] for each in columns)
             sent = np.count_nonzero(start >= 0)  # the first frames
             response = start[:sent] + self._columns.length[rank] - arrival[:sent]
             waited = np.r_[response, nanoseconds(self.until) - arrival[sent:]]
@@ -135,7 +138,8 @@ class Run:
 
     def utilisation(self) -> Utilisation:
         """Return the bus load, and the longest time from a change until the new value is sent."""
-        sent = self._events[self._events["outcome"] == "sent"].sort_values("arrival_ms")
+        sent = self._events[self._events["outcome"] == "sent"].sort_values("end_ms")
+        sent = sent.drop_duplicates(["message", "arrival_ms"], keep="last")
         before = sent.groupby("message", observed=True)["arrival_ms"].shift()
         return Utilisation(self.load, self.load, float((sent["end_ms"] - before).max()) / 1e3)
 
@@ -230,7 +234,7 @@ class Run:
         return ax
 
     def log(self) -> Log:
-        """Return a log of all frames sent on the bus, with zeros as data."""
+        """Return a log of all frames sent on the bus, with their message's identifier and zeros."""
         sent = self._events[self._events["outcome"] == "sent"].sort_values("end_ms")
         rank = sent["message"].cat.codes.to_numpy()
         ids, extended, dlc = (
@@ -239,8 +243,8 @@ class Run:
         )
         data = np.zeros((len(sent), 8), dtype=np.uint8)
         no = np.zeros(len(sent), dtype=bool)
-        time = sent["end_ms"].to_numpy() / 1e3
-        return Log(time, np.full(len(sent), "can0"), ids, extended, no, dlc.astype(np.uint8), data)
+        time, size = sent["end_ms"].to_numpy() / 1e3, np.minimum(dlc, 8).astype(np.uint8)
+        return Log(time, np.full(len(sent), "can0"), ids, extended, no, np.asarray(size), data)
 
     def __repr__(self) -> str:
         return (
@@ -294,6 +298,8 @@ def simulate(
     2.0", 1991, part B, sections 3.2.5 and 8). Errors in error frames, overload frames and missing
     acknowledgements are not modelled.
 
+    The frames of a message with a transport are released together, or 50 ms apart in a session.
+
     A simulation need not contain the worst case; `response_times` returns a bound on it.
 
     Examples
@@ -317,15 +323,22 @@ def simulate(
     horizon = nanoseconds(check_scalar("until", until, "s", 1e-9, 1e6))
     several = as_faults(faults, BitErrors, ErrorAt)
     generator = check_rng(rng)
-    frames = _frames(columns.offset, columns.period, horizon)
+    frames = _frames(columns.offset, columns.period, horizon, columns.frames)
     arrival, first = releases.run(frames, columns.offset, columns.period, horizon)
     release = arrival
+    message = np.repeat(np.arange(len(messages)), np.diff(first))
     if columns.jitter.any():
-        message = np.repeat(np.arange(len(messages)), np.diff(first))
         real = arrival < horizon
         delay = generator.integers(0, columns.jitter[message[real]], endpoint=True)
         release = arrival.copy()
         release[real] += delay
+    if columns.frames.max() > 1:
+        each = columns.frames[message]
+        packet = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
+        arrival, release, message = (np.repeat(c, each) for c in (arrival, release, message))
+        release += packet * columns.gap[message]
+        first = np.r_[0, np.cumsum(np.bincount(message))]
+    if release is not arrival:
         for begin, end in pairwise(first):
             np.maximum.accumulate(release[begin:end], out=release[begin:end])
     failures: list[Failure] = []
@@ -424,6 +437,8 @@ def simulate_batch(
     >>> (1e3 * run.max_response).round(2).tolist()
     [[1.08, 2.16], [1.66, 1.08]]
     """
+    if any(message.transport for message in messages):
+        raise ArgumentError("messages have a transport; simulate_batch requires single frames")
     columns = _Columns.of(messages, bit_rate)
     if columns.jitter.any():
         raise ArgumentError("messages have jitter; in a batch they must have none")
@@ -455,6 +470,8 @@ class _Columns(NamedTuple):
     senders: list[str]
     owner: Integers
     bit: int
+    frames: Integers
+    gap: Integers  #: Time between the frames of a message.
     length: Integers
     period: Integers
     deadline: Integers
@@ -476,14 +493,16 @@ class _Columns(NamedTuple):
         senders = [message.sender or message.name for message in messages]
         nodes = list(dict.fromkeys(senders))
         owner = np.array([nodes.index(sender) for sender in senders], dtype=np.int64)
-        length = messages.lengths().astype(np.int64) * bit
+        frames = np.array([message.frames for message in messages])
+        gap = 50_000_000 * np.array([message.session for message in messages])
+        length = messages.lengths().astype(np.int64) // frames * bit
         # Kernels are compiled for arrays that can be written.
-        return cls(nodes, owner, bit, length, *messages.times.copy())
+        return cls(nodes, owner, bit, frames, gap, length, *messages.times.copy())
 
 
-def _frames(offset: Integers, period: Integers, horizon: int) -> int:
+def _frames(offset: Integers, period: Integers, horizon: int, each: Integers | int = 1) -> int:
     """Return the number of frames that the messages release before the horizon."""
-    frames = int(np.maximum(-((offset - horizon) // period), 0).sum())
+    frames = int((each * np.maximum(-((offset - horizon) // period), 0)).sum())
     if frames > MOST_FRAMES:
         raise ArgumentError(
             f"until is {horizon / 1e9} s; {frames} frames would be released by then, at "

@@ -27,7 +27,7 @@ from shipnet.fields import (
 from shipnet.tables import as_csv
 from shipnet.tools import _view
 from shipnet.tools._sweep import sweep, sweepable
-from shipnet.tools._view import MOST_PINS, Answer, Button, Preset, Sheet, Upload, View
+from shipnet.tools._view import MOST_PINS, Answer, Button, Loaded, Preset, Sheet, Upload, View
 
 if TYPE_CHECKING:
     import ipywidgets as widgets
@@ -209,7 +209,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
             links = [*map(_view.download_link, view.files, view.files.values())]
             links += [_view.write_use(tool, values) for tool, values in view.uses.items()]
             self.links.value = " ".join([save, link, *links])
-            self._shown.value, self._details.value = view.answer, ""
+            self._shown.value, self._details.value = view.answer + view.drawing, ""
             if self._answer is not None:
                 self._details.value = _view.details(self._answer, self._pins)
                 self.over.layout.display = None if view.measure else "none"
@@ -295,12 +295,13 @@ class Page(widgets.VBox):  # type: ignore[misc]
         try:
             with self._busy():
                 inputs = new()
+                inputs, remarks = inputs if isinstance(inputs, Loaded) else (inputs, ())
                 if inputs is not None:
                     self._controls.put(inputs)
         except Exception as problem:  # as in refresh
             self._say(_sentence(problem), f"{_lines(problem)}\n{_BEFORE}")
             return
-        self._say("", f"{file} is loaded" if file else "")
+        self._say("", "\n".join([f"{file} is loaded", *remarks]) if file else "")
         self.refresh()
 
     def _say(self, note: str, shown: str = "") -> None:

@@ -10,9 +10,11 @@ from functools import cache, partial
 from html import escape
 from importlib.resources import files
 from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from tomllib import loads
 from types import SimpleNamespace
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, TypeVar, cast
 from urllib.parse import parse_qsl, urlencode
 
 import numpy as np
@@ -24,6 +26,8 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Choice, Kind, Number, Switch, Text, Words, declared
 from shipnet.figure import HouseFigure, house
 from shipnet.lazy import pd
+
+T = TypeVar("T")
 
 #: Width of a picture [inch], and its resolution [1/inch]; a page shows 100 px per inch.
 _WIDTH, _DPI = 7.5, 150
@@ -74,7 +78,7 @@ class View:
     that are compared with pinned ones: by number, they are a line; by name, marks in rows. `data`
     returns the table to download. `short` and `measure` are the answer of a sweep at one value.
     `idle` says why controls have no effect at present, and `uses` has inputs for other tools.
-    `drawing` is HTML that is shown below the figure, above the table.
+    `drawing` is HTML that is shown above the figure.
     """
 
     verdict: str
@@ -176,8 +180,6 @@ def details(now: Answer, pins: Sequence[Answer] = ()) -> str:
     if view.table is not None:
         caption = f'<p class="shipnet-caption">{escape(view.caption)}</p>'
         table = _html("shipnet-table", view.table.columns, view.table.itertuples()) + caption
-    if view.drawing:
-        table = view.drawing + table
     heads = ["now", *(f"pin {number}" for number in range(1, len(pins) + 1))]
     return table + _html("shipnet-numbers", heads, compared(now, pins))
 
@@ -324,12 +326,33 @@ class Button:
 
 @dataclass(frozen=True)
 class Upload:
-    """A button to load a file; `take` makes new inputs from the old ones and the file."""
+    """A button to load a file; `take` makes new inputs from the old ones and the file.
+
+    It returns the inputs, or `Loaded` ones with remarks on the file.
+    """
 
     label: str
     help: str
     accept: str
     take: Callable[[Any, str, bytes], Any]
+
+
+class Loaded(NamedTuple):
+    """The inputs of a file, and remarks on what was assumed or not used."""
+
+    inputs: Any
+    remarks: Sequence[str] = ()
+
+
+def read_file(name: str, content: bytes, read: Callable[[Path], T], suffix: str = ".csv") -> T:
+    """Return what `read` makes of a file with this content; errors state the file's own name."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"file{suffix}"
+        path.write_bytes(content)
+        try:
+            return read(path)
+        except InputError as problem:
+            raise InputError(name, *problem.faults, more=problem.more) from None
 
 
 @dataclass(frozen=True)

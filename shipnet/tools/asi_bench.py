@@ -27,7 +27,7 @@ from shipnet.lazy import pd
 from shipnet.line.cable import Cable
 from shipnet.tables import as_csv
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import View, words
+from shipnet.tools._view import Upload, View, words
 
 _WORDS = words("asi_bench")
 
@@ -132,10 +132,10 @@ class AsiBench(Tool):
         default=("master@0", "supply@50", "scope@0", "31*slave@100"),
         make=lambda value: tuple(fields.check_kind("devices", value, list)),
     )
-    length: float = number(1, LONGEST, "m", _WORDS["length"], (10, 300), default=100.0, step=5)
+    length: float = number(1, LONGEST, "m", _WORDS["length"], (10, 300), default=100.0, step=0.1)
     cable: str = choice(list(CABLE_CHOICES), _WORDS["cable"], default=next(iter(CABLE_CHOICES)))
     ring: bool = switch(_WORDS["ring"], default=False)
-    current_ma: float = number(0, 500, "mA", _WORDS["current_ma"], (0, 200), default=65.0, step=5)
+    current_ma: float = number(0, 500, "mA", _WORDS["current_ma"], (0, 200), default=65.0, step=1)
     pairs: int = whole(0, ADDRESSES, help=_WORDS["pairs"], default=0)
     sender: int = whole(1, 2 * ADDRESSES, help=_WORDS["sender"], default=1, typed=True)
     data: int = whole(0, 15, help=_WORDS["data"], default=6)
@@ -406,6 +406,8 @@ class AsiBench(Tool):
             lost = int((~self.right(self.waves.receive(self.receiver))).sum())
             numbers["lost in noise"] = f"{lost} of {TRIES} such responses"
         lines = [f"{number}. {line}" for number, line in enumerate(broken, 1)]
+        longest = max(segment.length for segment in plan.segments)
+        own = f"[asi]\ncurrent = {self.current_ma / 1e3:g}\nlength = {longest:g}\n"
         samples = {"time_us": 1e6 * self.wave.t, "voltage_V": self.wave.u}
         return View(
             verdict="\n".join(lines) or f"all rules met: {len(self.result)} checks",
@@ -418,9 +420,11 @@ class AsiBench(Tool):
                 "slaves.csv": as_csv(self.table().reset_index(), digits=5),
                 "waveform.csv": as_csv(pd.DataFrame(samples), digits=5),
             },
+            uses={"ship_design": {"own": own}},
         )
 
     def _options(self) -> dict[str, Any]:
+        from shipnet.tools._bench_plan import open_plan
         from shipnet.tools._drawing import Drawing
 
         least, most = asi.TOLERANCE
@@ -428,7 +432,11 @@ class AsiBench(Tool):
         limits = {"weakest": 100 * least, "ringing": 100 * most, "volts": volts}
         labels = {"resistor": f"{RESISTOR:g} ohm"}
         kinds = {kind: (*counts, labels.get(kind, kind)) for kind, counts in KINDS.items()}
-        return {"drawing": Drawing(update, {"limits": limits, "kinds": kinds})}
+        help = "An AS-i plan as CSV or Excel; its slaves are numbered from 1, in address order."
+        return {
+            "drawing": Drawing(update, {"limits": limits, "kinds": kinds}),
+            "uploads": [Upload("open a plan", help, ".csv,.txt,.xlsx", open_plan)],
+        }
 
 
 def update(state: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import replace
 from functools import cached_property
 from math import inf
@@ -20,7 +19,7 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import choice, record, text, whole
 from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import Measure, Upload, View, words
+from shipnet.tools._view import Measure, Upload, View, read_file, words
 
 _WORDS = words("can_load")
 
@@ -140,18 +139,18 @@ class CanLoad(Tool):
 def _from_file(inputs: CanLoad, name: str, content: bytes) -> CanLoad:
     """Return the inputs with the messages of a file; a list in text stays as it is written."""
     suffix = Path(name).suffix.lower()
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"messages{suffix if suffix in _SUFFIXES else '.txt'}"
-        path.write_bytes(content)
-        if suffix not in (".dbc", ".xlsx") and not log_kind(path):
-            text = text_of(content)
-            if "\0" in text:
-                raise InputError(name, "this is not a text file")
-            return replace(inputs, text=text)
-        try:
-            messages = read_messages(path, strict=False)
-        except InputError as problem:
-            raise InputError(name, *problem.faults, more=problem.more) from None
+    suffix = suffix if suffix in _SUFFIXES else ".txt"
+
+    def read(path: Path) -> MessageSet | str:
+        if suffix in (".dbc", ".xlsx") or log_kind(path):
+            return read_messages(path, strict=False)
+        return text_of(content)
+
+    messages = read_file(name, content, read, suffix)
+    if isinstance(messages, str):
+        if "\0" in messages:
+            raise InputError(name, "this is not a text file")
+        return replace(inputs, text=messages)
     remarks = list(messages.overlooked)
     if messages.observed is not None:
         kinds = messages.observed["kind"].value_counts()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property, lru_cache
@@ -12,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from matplotlib.axes import Axes
 
-from shipnet import datasets
+from shipnet import datasets, style
 from shipnet.design.catalogue import Assumptions, Range
 from shipnet.design.comparison import Comparison, compare
 from shipnet.design.designs import Design
@@ -25,11 +24,11 @@ from shipnet.design.rules import RULE_SETS, RuleSet
 from shipnet.design.settings import Settings, names
 from shipnet.design.tables import zipped
 from shipnet.design.words import Reading
-from shipnet.errors import ArgumentError, InputError
+from shipnet.errors import ArgumentError
 from shipnet.fields import check_fields, choice, number, record, switch, text
 from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import Button, Upload, View, words
+from shipnet.tools._view import Button, Upload, View, read_file, words
 
 _WORDS = words("ship_design")
 
@@ -188,6 +187,11 @@ class ShipDesign(Tool):
             return self.result.tornado().plot(ax)
         return self.result.plot("total_cost_eur", self.picture, ax=ax)
 
+    def _plot_narrow(self, ax: Axes) -> None:
+        self.plot(ax).locator_params(axis="x", nbins=4)
+        if ax.get_legend():
+            style.legend(ax, 2)
+
     def _view(self, report: bool = False) -> View:
         """Return the view that the page shows; with `report`, it offers the report's files."""
         result = self.result
@@ -206,6 +210,7 @@ class ShipDesign(Tool):
             drawing=result.drawing().html if result.iolist.located.any() else "",
             numbers=ready | _numbers(result),
             plot=self.plot,
+            narrow=self._plot_narrow,
             height=heights.get(self.picture, 3.6),
             about=PICTURES[self.picture],
             curve=(lambda: result.table()["total_cost_eur"]) if self.picture == "cost" else None,
@@ -254,17 +259,15 @@ class ShipDesign(Tool):
 
 def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
     """Return the inputs with the I/O list of a file; the cabinet is left empty, to be inferred."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "list.csv"
-        path.write_bytes(content)
-        try:
-            iolist = read_iolist(path, settings=Settings.parse(inputs.own))
-        except InputError as problem:
-            raise InputError(name, *problem.faults, more=problem.more) from None
+
+    def read(path: Path) -> str:
+        iolist = read_iolist(path, settings=Settings.parse(inputs.own))
         if content.startswith(b"PK"):
             iolist.save(path)
-            content = path.read_bytes()
-    return replace(inputs, points=text_of(content), name=name[-80:], cabinet="")
+        return text_of(path.read_bytes())
+
+    points = read_file(name, content, read)
+    return replace(inputs, points=points, name=name[-80:], cabinet="")
 
 
 @lru_cache(maxsize=8)

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
+from dataclasses import replace
+from functools import cached_property, lru_cache
 from math import isnan
+from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
 from matplotlib.axes import Axes
 
 from shipnet import style
+from shipnet.ballast.log_file import read_log
 from shipnet.ballast.plant import FAULTS, Command, Fault
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import simulate_valves
-from shipnet.fields import check_choice, check_scalar, choice, number, record, switch
+from shipnet.fields import check_choice, check_scalar, choice, number, record, switch, text
 from shipnet.fuzzy.rules import Decision, RuleBase
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.lazy import pd
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import Measure, Preset, View, words
+from shipnet.tools._view import Loaded, Measure, Preset, Upload, View, read_file, words
 
 _WORDS = words("valve_diagnosis")
 
@@ -33,6 +37,9 @@ STATES: dict[str, tuple[float, str | None, float]] = {
 }
 
 _BASE: RuleBase = rule_base()
+
+#: Maximum number of diagnoses of a log that are explained.
+_EXPLAINED = 8
 
 
 def _sensor(name: str, default: float) -> Any:
@@ -47,7 +54,8 @@ class ValveDiagnosis(Tool):
     """The diagnosis of a valve's readings by the rules of kim2014.
 
     `result` is the decision, a `fuzzy.Decision`; `strength` has the firing strength of each rule,
-    and `printed` the codes that fire at the printed limits.
+    and `printed` the codes that fire at the printed limits. A `log`, as text, takes the place of
+    the readings; a code is then active if its rule fired in three of the last five samples.
 
     Examples
     --------
@@ -69,11 +77,16 @@ class ValveDiagnosis(Tool):
     DVPos: float = _sensor("DVPos", 11.0)
     commanded: bool = switch(_WORDS["commanded"], default=True)
     threshold: float = number(0.05, 1.0, help=_WORDS["threshold"], default=0.5, step=0.05)
+    log: str = text(_WORDS["log"], default="", most=1_000_000, rows=6, hint="time_s,FP,OP,MC,OT")
 
     @property
-    def readings(self) -> dict[str, list[float]]:
-        """The readings for the rules."""
-        return {name: [getattr(self, name)] for name in _BASE.names}
+    def readings(self) -> Any:
+        """The readings for the rules, one per sample."""
+        return (
+            _samples(self.log)
+            if self.log
+            else {name: [getattr(self, name)] for name in _BASE.names}
+        )
 
     @property
     def applies(self) -> dict[str, bool]:
@@ -83,13 +96,15 @@ class ValveDiagnosis(Tool):
     @cached_property
     def result(self) -> Decision:
         """The decision of the rules."""
+        if self.log:
+            return _BASE.decide(self.readings, threshold=self.threshold, k=3, n=5)
         return _BASE.decide(self.readings, threshold=self.threshold, applies=self.applies)
 
     @property
     def strength(self) -> dict[str, float]:
-        """Firing strength by code, highest priority first."""
+        """Highest firing strength by code, highest priority first."""
         firing = self.result.firing
-        return {code: float(firing[code][0]) for code in _BASE.ranking}
+        return {code: float(np.fmax.reduce(firing[code])) for code in _BASE.ranking}
 
     @cached_property
     def printed(self) -> tuple[str, ...]:
@@ -98,12 +113,14 @@ class ValveDiagnosis(Tool):
 
     @style.applied
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the firing strength of every rule as a bar."""
+        """Draw the firing strength of every rule as a bar, or that of a log over time."""
         ax, strength, active = style.axes(ax), self.strength, self.result.codes(0)
         codes = list(strength)
+        labels = [f"{code}  {_BASE.rule(code).english}" for code in codes]
+        if self.log:
+            return self._plot_log(ax, labels)
         colours = ["C1" if code in active else "C0" for code in codes]
         ax.barh(range(len(codes)), list(strength.values()), color=colours, height=0.7)
-        labels = [f"{code}  {_BASE.rule(code).english}" for code in codes]
         ax.set_yticks(range(len(codes)), labels)
         look: dict[str, Any] = dict(style.LIMIT)
         ax.axvline(self.threshold, label="alarm threshold", **look)
@@ -122,6 +139,31 @@ class ValveDiagnosis(Tool):
         ax.set_xticks([0, 0.25, 0.5, 0.75, 1])
         ax.grid(visible=False, axis="y")
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
+        return ax
+
+    def _plot_log(self, ax: Axes, labels: list[str]) -> Axes:
+        """Draw the firing strength of every rule over time as a shade, and where it is active."""
+        times = self.readings.index.to_numpy()
+        ends = np.append(times[1:], times[-1] + (times[-1] - times[-2] if len(times) > 1 else 1))
+        codes, firing = _BASE.ranking, self.result.firing
+        shades = ax.pcolormesh(
+            [*times, ends[-1]],
+            np.arange(len(codes) + 1) - 0.5,
+            [firing[code] for code in codes],
+            cmap="Blues",
+            vmin=0,
+            vmax=1,
+        )
+        for row, code in enumerate(codes):
+            active = self.result.active[:, _BASE.codes.index(code)]
+            label = "" if row else "active"
+            ax.hlines([row] * active.sum(), times[active], ends[active], "C1", lw=5, label=label)
+        for strength in (0.5, 1.0):  # a colour bar would take room from the axes
+            ax.fill_between([], [], color=shades.cmap(strength), label=f"strength {strength:g}")
+        style.legend(ax)
+        ax.set_yticks(range(len(codes)), labels)
+        ax.set(ylim=(len(codes) - 0.5, -0.5), xlim=(times[0], ends[-1]), xlabel="time [s]")
+        ax.grid(visible=False)
         return ax
 
     @classmethod
@@ -146,7 +188,7 @@ class ValveDiagnosis(Tool):
         quiet = Sensors(noise=(0.0,) * 5, bits=None)
         system = System(sensors=quiet, opening=start, step=0.5)
         run = simulate_valves(system, orders, faults, duration)
-        last = {name: round(float(values[-1, 0]), 6) for name, values in run.samples.items()}
+        last: Any = {name: round(float(values[-1, 0]), 6) for name, values in run.samples.items()}
         commanded = bool(run.active[-1, 0])
         if not commanded:
             last["DVPos"] = 0.0
@@ -166,7 +208,44 @@ class ValveDiagnosis(Tool):
             words.append(f"{variable.name} {terms or 'in no term'}")
         return ", ".join(words)
 
+    def _plot_codes(self, ax: Axes) -> None:
+        self.plot(ax).set_yticks(range(len(self.strength)), list(self.strength))
+
+    def _log_view(self) -> View:
+        """Return the view on a log."""
+        top, times = pd.Series(self.result.top), self.readings.index
+        starts = np.flatnonzero(top != top.shift()).tolist()
+        spans = zip(starts, [*(start - 1 for start in starts[1:]), len(top) - 1], strict=True)
+        faults = [(first, last) for first, last in spans if top[first] != NORMAL]
+        numbers = {
+            f"{times[first]:g} to {times[last]:g} s": self.result.explain(first)
+            for first, last in faults[:_EXPLAINED]
+        }
+        if len(faults) > _EXPLAINED:
+            numbers["later"] = f"{len(faults) - _EXPLAINED} more diagnoses; they are in the data"
+        counts = top[top != NORMAL].value_counts()
+        parts = [f"{code} in {count}" for code, count in counts.items()]
+        return View(
+            verdict=f"{', '.join(parts) or NORMAL + ' in all'} of {len(top)} samples",
+            ok=not parts,
+            numbers=numbers,
+            plot=self.plot,
+            narrow=self._plot_codes,
+            about="Firing strength of each rule over time; active rules are orange",
+            data=lambda: self.result.table().set_index(times),
+            measure=self._measure,
+            idle=dict.fromkeys([*_BASE.names, "commanded"], "the log has the readings"),
+            short=str(top[faults[0][0]]) if faults else NORMAL,
+        )
+
+    @property
+    def _measure(self) -> Measure:
+        highest = max(self.strength.values())
+        return Measure("strength", "highest strength", highest, self.threshold)
+
     def _view(self) -> View:
+        if self.log:
+            return self._log_view()
         top, codes = str(self.result.top[0]), list(self.strength)
 
         def rules() -> pd.DataFrame:
@@ -184,13 +263,12 @@ class ValveDiagnosis(Tool):
                 "as printed, without ramps": " ".join(self.printed) or "none",
             },
             plot=self.plot,
+            narrow=self._plot_codes,
             about="Firing strength of each rule as a bar, with the alarm threshold",
             curve=lambda: rules()["strength"],
             data=rules,
             short=top,
-            measure=Measure(
-                "strength", "highest strength", max(self.strength.values()), self.threshold
-            ),
+            measure=self._measure,
             idle={} if self.commanded else {"DVPos": "it counts only while a command is active"},
         )
 
@@ -203,7 +281,24 @@ class ValveDiagnosis(Tool):
         def idle(plant: _Plant) -> dict[str, str]:
             return {"severity": "no fault is chosen"} if plant.fault == NORMAL else {}
 
-        return {"preset": Preset(_Plant(), make, idle)}
+        tip = "A log of one valve as CSV or Excel, with columns such as FP."
+        return {
+            "preset": Preset(_Plant(), make, idle),
+            "uploads": [Upload("open a log", tip, ".csv,.txt,.xlsx", _open_log)],
+            "folds": {"valve log": ("log",)},
+        }
+
+
+def _open_log(inputs: ValveDiagnosis, name: str, content: bytes) -> Loaded:
+    """Return the inputs with the readings of a file, and what was not used or is missing."""
+    log = read_file(name, content, read_log, Path(name).suffix)
+    text = log.round(6).to_csv(lineterminator="\n")
+    return Loaded(replace(inputs, log=text), [str(one) for one in log.attrs["remarks"]])
+
+
+@lru_cache(maxsize=8)
+def _samples(text: str) -> pd.DataFrame:
+    return read_file("the log", text.encode(), read_log)
 
 
 @record

@@ -15,6 +15,7 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_outp
 from playwright.sync_api import expect
 
 from docs import app as launcher
+from shipnet import datasets
 from shipnet.tools._view import Sheet
 from tests.browser.conftest import served
 
@@ -205,11 +206,63 @@ def test_the_index_leads_to_a_tool_which_keys_alone_move_and_which_tells_its_hel
     expect(registers).to_have_attribute("aria-valuenow", "11.0")
 
 
-def test_the_bench_is_pictured(page, app):
+SIZES = [(1280, 800), (390, 844)]
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_bench_opens_a_plan_and_is_used_in_ship_design(page, app, size):
     tool = Tool.opened(page, app, "asi_bench")
     tool.says("1. slave voltage: 24.47 V")
-    page.locator(".shipnet-cable").get_by_role("slider").first.wait_for(timeout=LONG)
+    devices = page.locator(".shipnet-cable").get_by_role("slider")
+    devices.first.wait_for(timeout=LONG)
     tool.is_pictured("asi_bench")
+    page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
+    plan = datasets.path("synthetic_asi_plan_ballast.csv").read_bytes()
+    tool.load("open a plan", "ballast.csv", plan)
+    tool.says("all rules met: 63 checks")
+    expect(devices).to_have_count(9, timeout=LONG)
+    note = page.locator(".shipnet-note")
+    expect(note).to_contain_text("ballast.csv is loaded", timeout=LONG)
+    expect(note).to_contain_text("master (1), supply (1), slave (6)")
+    tool.load(
+        "open a plan", "bad.csv", plan.replace(b"cable,frame 85,BV-03,3", b"cable,frame 85,,3")
+    )
+    expect(note).to_contain_text("bad.csv: row 9, column to (C): is empty", timeout=LONG)
+    tool.says("all rules met: 63 checks")
+    page.get_by_role("link", name="use in ship design").click()
+    tool.says("99 points: ")
+    tool.unfold("limits and prices")
+    expect(page.locator("textarea").last).to_have_value("[asi]\ncurrent = 0.12\nlength = 81\n")
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_log_of_a_valve_is_diagnosed_over_time(page, app, size):
+    page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
+    tool = Tool.opened(page, app, "valve_diagnosis")
+    rows = "".join(f"{t},{127 if 3 < t < 15 else 90},10,1.2,50,50\n" for t in range(20))
+    log = b"time_s,FP,OP,MC,OT,VPos\n" + rows.encode()
+    tool.moves(lambda: tool.load("open a log", "log.csv", log), "V1: valve stuck", "of 20 samples")
+    expect(page.get_by_text("No effect now: the log has the readings.")).to_have_count(7)
+    expect(page.locator(".shipnet-note")).to_contain_text("DVPos computed from VPos")
+    assert page.evaluate(OUTSIDE) == []
+    tool.choose("fault", "P1")
+    tool.says("P1: pump overload")
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_ship_is_drawn_above_the_cost_and_fits_the_screen(page, app, size):
+    page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
+    tool = Tool.opened(page, app, "ship_design")
+    ship = page.locator(".shipnet-ship")
+    ship.wait_for(timeout=LONG)
+    expect(tool.figure).to_be_visible(timeout=LONG)
+    boxes = [one.bounding_box() for one in (*ship.locator("figure").all(), tool.figure)]
+    assert len(boxes) == 9
+    assert max(box["y"] + box["height"] for box in boxes[:-1]) <= boxes[-1]["y"]
+    assert max(box["x"] + box["width"] for box in boxes) <= size[0]
+    if size[0] > 1000:  # the controls stay in view beside it
+        tool.figure.scroll_into_view_if_needed()
+        expect(page.get_by_label("home runs", exact=True)).to_be_in_viewport()
 
 
 def test_on_a_phone_the_figure_stays_in_view_and_a_link_carries_the_values(page, app):

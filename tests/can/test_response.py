@@ -168,7 +168,8 @@ def test_times_that_exceed_64_bits_are_computed_without_rounding(odd):
 
 @given(small_sets(), st.integers(0, 3), st.integers(300, 10**5))
 def test_each_message_alone_has_the_same_busy_period_and_instances(drawn, burst, interval):
-    terms = *drawn, 1, burst, interval if burst else 2**62, 31, 10**4
+    C, T, J = drawn
+    terms = C, C, T, J, 1, burst, interval if burst else 2**62, 31, 10**4
     blocking, busy, R, ends = all_instances(*terms)
     for m, (B, t, end) in enumerate(zip(blocking, busy, ends, strict=True)):
         assert instances(0, m, *terms) == (B, t, R[ends[m - 1] if m else 0 : end])
@@ -187,7 +188,7 @@ def test_large_sets_at_odd_bit_rates_are_compiled(messages, interval):
     fast = Mock(return_value=([0] * number, [0] * number, [0] * number, range(1, number + 1)))
     with patch.dict(all_instances.__dict__, fast=fast):
         response_times(MessageSet(messages), 999_983, faults=errors(1, interval))
-    columns, numbers = fast.call_args.args[:3], fast.call_args.args[3:]
+    columns, numbers = fast.call_args.args[:4], fast.call_args.args[4:]
     assert max(*(max(column) for column in columns), *numbers) <= 2**62
 
 
