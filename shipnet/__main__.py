@@ -173,6 +173,12 @@ def _check(arguments: argparse.Namespace) -> Answer:
     answer = _answer(
         result, numbers, str(result), findings=result.table(), rules=rules, reading=reading
     )
+    if arguments.improve:
+        better = plan.improve()
+        better.plan.save(arguments.improve)
+        tables = {**answer.tables, "proposal": better.added}
+        text = f"{answer.text}\n\nproposal: {better.verdict}\nwritten: {arguments.improve}"
+        answer = answer._replace(text=text, tables=tables)
     return answer._replace(findings=result)
 
 
@@ -596,8 +602,10 @@ def _run(arguments: argparse.Namespace) -> int:
             check_output(file, arguments.forms)
     files_given = getattr(arguments, arguments.input) if arguments.input else None
     names = files_given if isinstance(files_given, list) else [files_given]
-    if len(names) > 1 and arguments.output:
-        raise ArgumentError(f"-o requires one file; {len(names)} are given")
+    for option in ("output", "improve"):
+        if len(names) > 1 and getattr(arguments, option, None):
+            flag = "-o" if option == "output" else f"--{option}"
+            raise ArgumentError(f"{flag} requires one file; {len(names)} are given")
     if ("-" in arguments.output) + arguments.json + arguments.junit > 1:
         raise ArgumentError("-o -, --json and --junit cannot be combined")
     code, texts = 0, []

@@ -95,6 +95,8 @@ class Findings:
                     f"{name}: {row['value']:.4g}{unit} at {row['object']}, {limit}{unit} "
                     f"({number} violated)"
                 )
+                if rule == "sharing":
+                    line += f", with {row['why']}"
             lines.append(line)
         return lines
 

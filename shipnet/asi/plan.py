@@ -48,6 +48,7 @@ from shipnet.line.waveform import Waveform as LineWaveform
 from shipnet.style import LIMIT
 
 if TYPE_CHECKING:
+    from shipnet.asi.improvement import Improvement
     from shipnet.asi.receiver import Waveform
     from shipnet.asi.telegram import Request, Response
 
@@ -297,6 +298,27 @@ class Plan:
         """
         return PlanFindings(check_lines(self.lines, wanted_cycle, transaction, limits), self)
 
+    def improve(self, *, limits: pd.DataFrame | None = None) -> Improvement:
+        """Return this plan with the fewest repeaters and supplies with which it meets every rule.
+
+        The search tries a repeater at each node, for each way to divide the node's cables and with
+        the node's devices on either side, and a supply at each node of a segment that lacks one. It
+        adds at most four repeaters, divides no ring, removes nothing, and stops after 2000 tries.
+        If no such plan meets the rules on segments, nothing is added. The rules on a line, its
+        addresses and the voltages of its supplies are left to the user. `limits` is as in `check`.
+        The result has the new `plan`, a table `added` with the rule that required each device, as
+        in the plan's notes, and a `verdict` with the rules cured and those that stay.
+        """
+        from shipnet.asi.improvement import improved
+
+        return improved(self, limits)
+
+    def diff(self, other: Plan) -> pd.DataFrame:
+        """Return what the `other` plan changes: one row per element added, removed or changed."""
+        from shipnet.asi.differences import differences
+
+        return differences(self, other)
+
     @property
     def network(self) -> Network:
         """Cables and loads at signal frequencies, for a one-segment plan."""
@@ -375,14 +397,16 @@ class Plan:
         """Return the error rates of telegrams in white noise, for a one-segment plan.
 
         The noise at every receiver has the one-sided `noise_density` [V per root hertz]. The table
-        has one row per slave and receiver of `RECEIVERS`: the receiver's `minimum_V`, and the
-        probability that a `request`, a `response`, or either of them (`exchange`) is not received
-        correctly. What `emc.error_rate` cannot compute is NaN; `why` gives the reason.
+        has one row per slave and receiver of `RECEIVERS`: the receiver's `minimum_V`; the noise
+        margin `margin_V`, the largest voltage of noise after the filter that changes no decision,
+        whatever its shape; and the probability that a `request`, a `response`, or either of them
+        (`exchange`) is not received correctly. What cannot be computed is NaN; `why` gives the
+        reason.
 
         At low noise, most errors are false starts in the silence before a telegram, `before` [s] or
         the default of `waveform`; see `request_silence_s` and `response_silence_s`.
         """
-        from shipnet.asi.emc.error_rates import error_rate
+        from shipnet.asi.emc.error_rates import error_rate, noise_margin
 
         check_scalar("noise_density", noise_density, "V per root hertz", 1e-12, 1e6)
         waves = self.waveform(PROBES, before=before), self.waveform(before=before)
@@ -390,8 +414,9 @@ class Plan:
         for index, slave in enumerate(self.slaves):
             of_slave = [replace(wave, u=wave.u[index], names=()) for wave in waves]
             for name, receiver in RECEIVERS.items():
-                why = ""
+                margin, why = np.nan, ""
                 try:
+                    margin = min(noise_margin(wave, receiver) for wave in of_slave)
                     request, response = (
                         error_rate(wave, noise_density, receiver=receiver).item()
                         for wave in of_slave
@@ -399,8 +424,9 @@ class Plan:
                 except ArgumentError as reason:
                     request, response, why = np.nan, np.nan, str(reason)
                 exchange = request + response - request * response
-                rows.append((slave.label, name, receiver.minimum, request, response, exchange, why))
-        columns = ["slave", "receiver", "minimum_V", "request", "response", "exchange", "why"]
+                least = receiver.minimum, margin
+                rows.append((slave.label, name, *least, request, response, exchange, why))
+        columns = "slave receiver minimum_V margin_V request response exchange why".split()
         table = pd.DataFrame(rows, columns=columns).set_index(["slave", "receiver"])
         silences = {"request_silence_s": -waves[0].start, "response_silence_s": -waves[1].start}
         return table.assign(**silences)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 
 import numpy as np
@@ -96,15 +96,23 @@ def check_lines(
 
 def meets(lines: Sequence[tuple[Segment, ...]], limits: pd.DataFrame) -> bool:
     """Return True if every rule is met; stop checking at the first violation."""
+    rows = (row for line in lines for row in _rows(line, None, Transaction()))
+    return next(_violated(rows, limits), "") == ""
+
+
+def first_violated(segment: Segment, terminated: bool, limits: pd.DataFrame) -> str:
+    """Return the first rule on a segment, its supply or its signals that is not met, or ""."""
+    return next(_violated(_rows_of_segments((segment,), terminated), limits), "")
+
+
+def _violated(rows: Iterable[_Row], limits: pd.DataFrame) -> Iterator[str]:
     ends = limits["low"].fillna(-np.inf), limits["high"].fillna(np.inf)
     bounds = dict(zip(limits.index, zip(*ends, strict=True), strict=True))
-    for line in lines:
-        for rule, _, value, own_limit, _ in _rows(line, None, Transaction()):
-            low, high = bounds[rule]
-            high = high if own_limit is None else own_limit
-            if not low - _SLACK * abs(low) <= value <= high + _SLACK * abs(high):
-                return False
-    return True
+    for rule, _, value, own_limit, _ in rows:
+        low, high = bounds[rule]
+        high = high if own_limit is None else own_limit
+        if not low - _SLACK * abs(low) <= value <= high + _SLACK * abs(high):
+            yield rule
 
 
 def _rows(
@@ -125,9 +133,12 @@ def _rows(
             "",
         )
     yield from _address_rows(slaves)
-    terminated = any(segment.terminators for segment in line)
+    yield from _rows_of_segments(line, any(segment.terminators for segment in line))
+
+
+def _rows_of_segments(segments: Sequence[Segment], terminated: bool) -> Iterator[_Row]:
     judged = []
-    for segment in line:
+    for segment in segments:
         yield from _segment_rows(segment, terminated)
         yield from _supply_rows(segment)
         why = []

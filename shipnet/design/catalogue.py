@@ -143,7 +143,7 @@ class Assumption:
 
 
 class Assumptions(Mapping[str, Range]):
-    """Mapping from the name of each assumption to its range, by default from the data file."""
+    """Mapping from the name of each assumption to its range, by default from the data files."""
 
     def __init__(self, entries: Mapping[str, Assumption] | None = None) -> None:
         self._entries = read_assumptions() if entries is None else entries
@@ -208,9 +208,18 @@ def ordered(name: str, values: Range) -> Range:
     return values
 
 
+#: Figures of each cable that are assumptions, named such as price_MI1P075: unit and meaning.
+CABLE_FIGURES = {
+    "mass": ("kg/m", "mass"),
+    "price": ("EUR/m", "price"),
+    "lay": ("h/m", "laying"),
+    "termination": ("h", "termination of a conductor at one end"),
+}
+
+
 @cache
 def read_assumptions() -> Mapping[str, Assumption]:
-    """Return the assumptions in the data file, by name."""
+    """Return the assumptions in the data files, by name; those for each cable come last."""
     rows = datasets.read("synthetic_design_assumptions.csv").to_dict("records")
     entries = {}
     for row in rows:
@@ -218,4 +227,9 @@ def read_assumptions() -> Mapping[str, Assumption]:
         entries[row["name"]] = Assumption(
             ends, row["unit"], row["meaning"], row["status"], row["source"]
         )
+    for name, (unit, meaning) in CABLE_FIGURES.items():
+        for cable in cables().values():
+            what = f"{meaning} of {cable.id}"
+            figure = Assumption(getattr(cable, name), unit, what, cable.status, cable.source)
+            entries[f"{name}_{cable.id}"] = figure
     return MappingProxyType(entries)

@@ -51,7 +51,14 @@ def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
         save_faults(arguments.save_faults, mistake.file, mistake.faults)
         raise
     save_faults(arguments.save_faults)
-    return iolist.compare(arguments.cabinet, options, settings=settings, mix=mix, rules=rules)
+    result, cabinet = None, arguments.cabinet
+    for path in arguments.previous:
+        earlier = read_iolist(path, settings=settings)
+        result = earlier.compare(
+            cabinet, options, settings=settings, mix=mix, rules=rules, keep=result
+        )
+        cabinet = cabinet or result.site
+    return iolist.compare(cabinet, options, settings=settings, mix=mix, rules=rules, keep=result)
 
 
 #: Pattern for the row, the column and the message of a fault.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
@@ -98,6 +99,8 @@ class Comparison:
         Generator that draws the assumptions from their ranges.
     remarks : tuple of str, optional
         Remarks from planning, such as the inferred position of the cabinet.
+    previous : Comparison, optional
+        Comparison of an earlier list; the conclusions say what changed.
 
     Examples
     --------
@@ -117,6 +120,7 @@ class Comparison:
     rules: RuleSet
     rng: np.random.Generator
     remarks: tuple[str, ...] = ()
+    previous: Comparison | None = None
 
     @property
     def iolist(self) -> PointTable:
@@ -382,6 +386,17 @@ class Comparison:
         """Return a comparison that also contains further designs of the same points."""
         return compared([*self.designs.values(), *designs], self.rules, self.rng, self.remarks)
 
+    def diff(self, other: Comparison) -> pd.DataFrame:
+        """Return what changes from this comparison to an `other`, one row per common design.
+
+        The other comparison is of a revised list or of another ship. The columns count the points
+        and cables that are added, removed or changed, and give the differences in cable length,
+        labour, cost and rules violated; `words` says it in one sentence, with the first names.
+        """
+        common = [name for name in self.designs if name in other.designs]
+        rows = [_difference(self, other, name) for name in common]
+        return pd.DataFrame(rows, index=pd.Index(common, name="design"))
+
     def conclusions(self) -> list[str]:
         """Return the results of the comparison as sentences."""
         table = self._table
@@ -407,6 +422,10 @@ class Comparison:
         sentences += _alike("cost", limited)
         sentences += self._safe_points
         whole = table[table["points_left_out"] == 0]
+        if self.previous is not None:
+            source = Path(self.previous.iolist.source).name
+            changed = self.previous.diff(self)["words"].items()
+            sentences += [f"{name} compared with {source}: {words}." for name, words in changed]
         sentences = [f"{self.verdict[:1].upper()}{self.verdict[1:]}.", *sentences]
         if whole.empty:
             return sentences
@@ -623,3 +642,49 @@ def _by_design(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     named = [table.assign(design=name) for name, table in tables.items()]
     joined = pd.concat([table for table in named if len(table)] or named[:1], ignore_index=True)
     return joined[["design", *joined.columns.drop("design")]]
+
+
+#: What changes of points and cables: words, and the columns that differ.
+_CHANGES: Mapping[str, Mapping[str, Sequence[str]]] = {
+    "point": {"changed": ["signal"], "moved": ["x_m", "y_m", "z_m"]},
+    "cable": {
+        "re-terminated": ["a", "b"],
+        "of another type": ["cable"],
+        "of another length": ["length_m"],
+    },
+}
+
+
+def _difference(old: Comparison, new: Comparison, name: str) -> dict[str, Any]:
+    """Return the row of `Comparison.diff` for one design."""
+    row, words = dict[str, Any](), []
+    for what, kinds in _CHANGES.items():
+        columns = [column for names in kinds.values() for column in names]
+        before, after = (
+            (one.iolist.points.set_index("tag") if what == "point" else one.cables.set_index("run"))
+            for one in (old.designs[name], new.designs[name])
+        )
+        both = before.index.intersection(after.index, sort=False)
+        names = {
+            "added": after.index.difference(before.index, sort=False),
+            "removed": before.index.difference(after.index, sort=False),
+        }
+        differs = before.loc[both, columns].round(9).fillna("") != after.loc[both, columns].round(
+            9
+        ).fillna("")
+        names |= {kind: both[differs[of].any(axis=1)] for kind, of in kinds.items()}
+        for kind, of in names.items():
+            row[f"{what}s_{re.sub('[ -]', '_', kind)}"] = len(of)
+            if len(of):
+                more = f" and {len(of) - 3} more" if len(of) > 3 else ""
+                plural = "s" if len(of) > 1 else ""
+                words.append(f"{len(of)} {what}{plural} {kind} ({', '.join(of[:3])}{more})")
+    units = {"cable_length_km": "km of cable", "labour_h": "h", "total_cost_eur": "EUR"}
+    for figure, unit in units.items():
+        row[figure] = more_of = new.quantities[name][figure] - old.quantities[name][figure]
+        words.append(f"{'+' if round(more_of, 6) > 0 else ''}{number(round(more_of, 6))} {unit}")
+    rules = [{*one._checked[name].violated()["rule"]} for one in (old, new)]
+    row["rules_violated"] = len(rules[1]) - len(rules[0])
+    for verb, of_rules in (("violates", rules[1] - rules[0]), ("meets", rules[0] - rules[1])):
+        words += [f"now {verb} {', '.join(sorted(of_rules))}"] if of_rules else []
+    return row | {"words": ", ".join(words)}

@@ -13,7 +13,7 @@ import numpy as np
 
 from shipnet import style
 from shipnet.arrays import Floats
-from shipnet.design.catalogue import LEVELS, Level, values_at, with_spare, words
+from shipnet.design.catalogue import LEVELS, Level, read_assumptions, values_at, with_spare, words
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.layout import Layout
 from shipnet.design.plot import plot_ranges
@@ -150,16 +150,19 @@ def counted(table: pd.DataFrame) -> dict[str, str]:
     return {str(name): f"{name} ({n:.0f} left out)" if n else str(name) for name, n in left}
 
 
-#: Assumptions that have a range for each cable of the catalogue: field and unit. One level
-#: applies to all cables, so that all are expensive or all are cheap.
-CABLE_RANGES: Mapping[str, tuple[str, str]] = MappingProxyType(
+#: Assumptions that have a range for each cable, and the key in `CABLE_FIGURES`. One level applies
+#: to all cables, so that all are expensive or all are cheap.
+CABLE_RANGES: Mapping[str, str] = MappingProxyType(
     {
-        "cable_mass": ("mass", "kg/m"),
-        "cable_price": ("price", "EUR/m"),
-        "laying_time": ("lay", "h/m"),
-        "termination_time": ("termination", "h"),
+        "cable_mass": "mass",
+        "cable_price": "price",
+        "laying_time": "lay",
+        "termination_time": "termination",
     }
 )
+
+#: Mass of 1 m of copper with a cross-section of 1 mm2 [kg]; its density is 8.96 g/cm3.
+_COPPER = 8.96e-3
 
 #: Costs that are not included.
 EXCLUDED = (
@@ -262,14 +265,26 @@ class Model:
         self.cables = {str(name): types[str(name)] for name in self.laid.index}
         self._section = 1e-6 * np.array([c.area_mm2 for c in self.cables.values()], dtype=float)
         self._ranges = {
-            name: np.array([getattr(c, field) for c in self.cables.values()]).reshape(-1, 3)
-            for name, (field, _) in CABLE_RANGES.items()
+            name: np.array([self.assumptions[f"{key}_{id}"] for id in self.cables]).reshape(-1, 3)
+            for name, key in CABLE_RANGES.items()
         }
+        dearer = np.subtract(
+            self.assumptions["copper_price"], read_assumptions()["copper_price"].range
+        )
+        copper = [_COPPER * c.conductors * c.section for c in self.cables.values()]
+        prices = self._ranges["cable_price"] + np.outer(copper, dearer)
+        self._ranges["cable_price"] = np.maximum(prices, 0.0)
+
+    def nominal(self, name: str) -> Floats:
+        """Return the nominal value of one of `CABLE_RANGES` for each type of cable laid."""
+        return values_at(self._ranges[name], "nominal")
 
     @property
     def names(self) -> list[str]:
         """Names of the assumptions that the figures depend on; cable assumptions come first."""
         factors = ["laid_length", "cable_diameter"] if self.cables else []
+        if self.cables and self.assumptions.entry("copper_price").status == "given":
+            factors.append("copper_price")
         used = [*factors, "labour_rate", *self.items]
         return [*(CABLE_RANGES if self.cables else ()), *(n for n in self.assumptions if n in used)]
 
@@ -318,15 +333,16 @@ class Model:
     @property
     def used(self) -> pd.DataFrame:
         """Table of the assumptions in use: name, low, nominal, high, unit, status and source."""
-        rows = [
-            (f"{words(name)} of {c.id}", *getattr(c, field), unit, c.status, c.source)
-            for name, (field, unit) in CABLE_RANGES.items()
-            for c in self.cables.values()
-        ]
-        for name in self.names:
-            if name not in CABLE_RANGES:
-                entry = self.assumptions.entry(name)
-                rows.append((name, *entry.range, entry.unit, entry.status, entry.source))
+        shown = {
+            f"{words(name)} of {id}": f"{key}_{id}"
+            for name, key in CABLE_RANGES.items()
+            for id in self.cables
+        }
+        shown |= {name: name for name in self.names if name not in CABLE_RANGES}
+        rows = []
+        for name, key in shown.items():
+            entry = self.assumptions.entry(key)
+            rows.append((name, *entry.range, entry.unit, entry.status, entry.source))
         return pd.DataFrame(rows, columns=["name", *LEVELS, "unit", "status", "source"])
 
 
@@ -349,8 +365,8 @@ def bill_table(design: Layout) -> pd.DataFrame:
     model = Model(design)
     cables, assumed = _by_cable(model), model.assumptions
     rows = [
-        ("cable", name, row["length_m"], "m", model.cables[str(name)].price.nominal)
-        for name, row in cables.iterrows()
+        ("cable", name, row["length_m"], "m", price)
+        for (name, row), price in zip(cables.iterrows(), model.nominal("cable_price"), strict=True)
     ]
     rows += [
         ("part", words(name), count, "", assumed[name].nominal)
@@ -365,8 +381,7 @@ def bill_table(design: Layout) -> pd.DataFrame:
 
 def _by_cable(model: Model) -> pd.DataFrame:
     length = model.laid["length_m"] * model.assumptions["laid_length"].nominal
-    mass = length * [cable.mass.nominal for cable in model.cables.values()]
-    cost = length * [cable.price.nominal for cable in model.cables.values()]
+    mass, cost = length * model.nominal("cable_mass"), length * model.nominal("cable_price")
     return model.laid[["runs"]].assign(length_m=length, mass_kg=mass, cost_eur=cost)
 
 

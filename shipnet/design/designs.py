@@ -60,6 +60,10 @@ class Design(Layout):
         One row per item that does not fit: subject, limit, value, bound, unit, text.
     settings : Settings, optional
         The limits, prices and allowances of the plan.
+    strips : mapping of str to sequence, optional
+        Points on each trunk of a junction box, in the order of the cores.
+    previous : Design, optional
+        Design of an earlier list, whose boxes, channels and cables this one keeps.
     without_limits : Design, optional
         Design planned without the rules' response limits; None if these do not change the plan.
 

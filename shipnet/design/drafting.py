@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import pairwise
+from itertools import count, pairwise
 from math import ceil, inf
 from typing import Any, NamedTuple, TypeVar
 
@@ -19,8 +19,9 @@ from scipy.spatial.distance import cdist
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.design.catalogue import Cable, cables, smallest
 from shipnet.design.designs import Design
-from shipnet.design.layout import COLUMNS, Site, frame
+from shipnet.design.layout import COLUMNS, Layout, Site, Strip, frame
 from shipnet.design.points import PointTable
+from shipnet.design.revision import Kept, joined, with_names
 from shipnet.design.settings import Settings
 from shipnet.design.supply import Feeders, sized
 from shipnet.lazy import pd
@@ -114,9 +115,13 @@ def divided(
     position: Callable[[Item], Sequence[float]],
     judge: Callable[[Sequence[Item]], tuple[Result, float]],
     halve: Callable[[Item], Sequence[Item]] | None = None,
+    segment: Callable[[Item], str] = lambda item: "",
 ) -> list[tuple[list[Item], Result]]:
-    """Divide items into groups until each meets its limits or cannot be divided further."""
-    waiting = [list(items)] if len(items) else []
+    """Divide items into groups until each meets its limits or cannot be divided further.
+
+    The first groups are those of items that keep a `segment` of an earlier design.
+    """
+    waiting = joined(items, segment, position)
     done = []
     while waiting:
         group = waiting.pop(0)
@@ -227,9 +232,14 @@ class Draft:
     settings: Settings
     #: Longest response that the rules allow for each point [s].
     longest: Floats | float = inf
+    #: Earlier design whose boxes, channels and cables are kept.
+    previous: Layout | None = None
 
     def __post_init__(self) -> None:
         points = self.iolist.points
+        self.kept = Kept(self.iolist, self.previous)
+        #: Points on each trunk of a box; see `Layout.strips`.
+        self.strips: dict[str, Strip] = {}
         n = len(points)
         self.places: Floats = self.iolist.places
         #: Positions of the points as tuples.
@@ -282,7 +292,7 @@ class Draft:
         used: int,
         segment: str = "",
         line: str = "",
-    ) -> None:
+    ) -> str:
         """Add a cable, named after its point, or numbered within its segment or box."""
         a, b = ends
         suffix = f" {line}" if line else ""
@@ -296,6 +306,7 @@ class Draft:
         row |= {"used": used, "conductors": cable.conductors}
         row["at_cabinet"] = not self.in_cabinet.isdisjoint(ends)
         self._rows["cables"].append({**row, **laid._asdict()})
+        return str(row["run"])
 
     def given_lengths(self, column: str) -> Floats:
         """Return the lengths given in a column of the list [m]; NaN where they must be computed."""
@@ -357,16 +368,23 @@ class Draft:
         devices, segments, reasons = (
             frame(t, self._rows[t]) for t in ("devices", "segments", "reasons")
         )
-        laid = Design(
-            name, self.iolist, self.site, points, devices, runs, segments, reasons, self.settings
-        )
+        tables = points, devices, runs, segments, reasons, self.settings
+        laid = Design(name, self.iolist, self.site, *tables, previous=self.previous)
         feeders = sized(laid)
         if not feeders.cable:
-            return laid
+            return self._revised(laid)
         runs = self._feed(runs, feeders)
         points["fits"] &= ~points["device"].isin([weak[0] for weak in feeders.weak])
         devices, reasons = (frame(t, self._rows[t]) for t in ("devices", "reasons"))
-        return replace(laid, points=points, devices=devices, cables=runs, reasons=reasons)
+        laid = replace(laid, points=points, devices=devices, cables=runs, reasons=reasons)
+        return self._revised(laid)
+
+    def _revised(self, laid: Design) -> Design:
+        """Return the design with the names of the cables in the earlier design."""
+        runs = with_names(laid.cables, self.previous)
+        names = dict(zip(laid.cables["run"], runs["run"], strict=True))
+        strips = {names[name]: strip for name, strip in self.strips.items()}
+        return replace(laid, cables=runs, strips=strips)
 
     def _feed(self, runs: pd.DataFrame, feeders: Feeders) -> pd.DataFrame:
         """Return the cables with sized feeders, and add the required supplies."""
@@ -422,6 +440,8 @@ class Box(NamedTuple):
     place: Place
     rows: Indices
     lengths: Floats
+    #: Segment that the box keeps, or "".
+    segment: str = ""
 
     @classmethod
     def at(cls, name: str, places: Floats, rows: Indices, lengths: Floats) -> Box:
@@ -441,8 +461,11 @@ class Box(NamedTuple):
         return [self.part(np.sort(part)) for part in np.array_split(order, 2)]
 
 
-def boxes(draft: Draft, rows: Indices) -> list[Box]:
-    """Return the boxes of some points, and record a reason for each point without a box."""
+def boxes(draft: Draft, rows: Indices, prefix: str = "") -> list[Box]:
+    """Return the boxes of some points, and record a reason for each point without a box.
+
+    The names of kept devices begin with the `prefix`, which is not part of a box's name.
+    """
     table = draft.iolist.points
     names = table["box"].to_numpy(object)
     at_box = draft.iolist.box_places
@@ -462,11 +485,28 @@ def boxes(draft: Draft, rows: Indices) -> list[Box]:
     loose = rows[names[rows] == ""]
     without_place(draft, loose[~located[loose]])
     loose = loose[located[loose]]
+    groups = draft.kept.groups(loose.tolist(), "station" if prefix else "box", prefix)
+    for row in sorted({*loose.tolist()}.difference(*groups.values())):
+        near = [
+            (float(away[-1]), number)
+            for number, inside in enumerate(groups.values())
+            for away in [np.sort(draft.site.route(draft.places[inside], draft.places[row]))]
+            if len(inside) < limits.points and away[-1] <= limits.reach
+        ]
+        if near:
+            [*groups.values()][min(near)[1]].append(row)
+    for device in sorted(groups, key=lambda device: (len(device.name), device.name)):
+        members = groups[device]
+        name = device.name.removeprefix(prefix)
+        lengths = np.full(len(members), np.nan)
+        made.append(Box(name, device.place, np.array(members), lengths, device.segment))
+    loose = loose[~np.isin(loose, [row for members in groups.values() for row in members])]
     labels = zones(draft.places[loose], reach=limits.reach, most=limits.points)
+    free = (name for n in count(1) if prefix + (name := f"box {n}") not in draft.kept.devices)
     for number in range(labels.max(initial=-1) + 1):
         inside = loose[labels == number]
         lengths = np.full(len(inside), np.nan)
-        made.append(Box.at(f"box {number + 1}", draft.places[inside], inside, lengths))
+        made.append(Box.at(next(free), draft.places[inside], inside, lengths))
     return made
 
 

@@ -47,6 +47,8 @@ class IoList(PointTable):
         Name of the file or text.
     notes : tuple of Remark, optional
         Remarks on how the list was read; `reading` returns them as a table.
+    words : Reading, optional
+        The list's own words, and the positions of its frames and decks.
 
     Raises
     ------
@@ -75,6 +77,7 @@ class IoList(PointTable):
         mix: Mapping[str, str] | None = None,
         name: str | None = None,
         rules: RuleSet | str | PathLike[str] | None = None,
+        keep: Design | None = None,
     ) -> Design:
         """Connect all points by one of `OPTIONS`.
 
@@ -84,14 +87,17 @@ class IoList(PointTable):
         `cabinet` is a position (x, y, z) [m], as numbers or text, or None to infer it from the
         list's cable lengths; `settings` are values by name. `mix` selects other options for some
         points, by tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. The response
-        limits of `rules`, if given (see `compare`), are met where possible.
+        limits of `rules`, if given (see `compare`), are met where possible. `keep` is the design of
+        an earlier list: points whose position and signal are unchanged keep their boxes, channels,
+        terminals and cables, and the others take free ones, as far as the limits allow.
         """
         from shipnet.design.planning import plan
         from shipnet.design.rules import RuleSet
 
         values, limits = Settings.of(settings), None if rules is None else RuleSet.of(rules)
         site, _ = site_of(self, cabinet, values)
-        return plan(self, site, option, settings=values, mix=mix, name=name, rules=limits)
+        more: Any = {"settings": values, "mix": mix, "name": name, "rules": limits}
+        return plan(self, site, option, **more, keep=keep)
 
     def compare(
         self,
@@ -102,13 +108,15 @@ class IoList(PointTable):
         mix: Mapping[str, str] | None = None,
         rules: RuleSet | str | PathLike[str] = "DNV",
         rng: Rng = 2024,
+        keep: Comparison | None = None,
     ) -> Comparison:
         """Plan the points by several options and compare the designs.
 
         `options` are some of `OPTIONS`, by default all; `mix` adds a design of home runs with this
         mix (see `plan`). `rules` is the name of a published set, a file or a `RuleSet`; if a plan
         exceeds the set's response limits, the points are planned again to meet them where possible.
-        `rng` is used to draw the assumptions from their ranges.
+        `rng` is used to draw the assumptions from their ranges. `keep` is the comparison of an
+        earlier list, whose designs are kept as in `plan`; the conclusions say what changed.
         """
         from shipnet.design.comparison import compared
         from shipnet.design.planning import OPTIONS, plan
@@ -119,11 +127,21 @@ class IoList(PointTable):
         site, remark = site_of(self, cabinet, values)
         ways = OPTIONS if options is None else options
         each = [(option, None) for option in ways] + ([("home runs", mix)] if mix else [])
+        old = keep.designs if keep else {}
         designs = [
-            plan(self, site, option, settings=values, mix=choose, rules=rules)
+            plan(
+                self,
+                site,
+                option,
+                settings=values,
+                mix=choose,
+                rules=rules,
+                keep=old.get("mix" if choose else option),
+            )
             for option, choose in track(each, "plans")
         ]
-        return compared(designs, rules, check_rng(rng), (remark,) if remark else ())
+        made = compared(designs, rules, check_rng(rng), (remark,) if remark else ())
+        return replace(made, previous=keep)
 
     def study(
         self,

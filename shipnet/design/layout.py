@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shipnet.arrays import Floats
-from shipnet.design.points import PointTable
+from shipnet.design.points import PointTable, axes_at
 from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_fields, number, record
@@ -69,7 +69,8 @@ _FIRST, _NEXT, _KEPT = 15, 5, 25
 _CLOSE, _ROUNDED = 0.02, 0.2
 
 
-#: A position [m] as numbers or text, a site, or None to infer it from the list's cable lengths.
+#: A position [m] as numbers or text, such as "FR 40, DK3, P 6", a site, or None to infer it from
+#: the list's cable lengths.
 Where: TypeAlias = "tuple[float, float, float] | Sequence[float] | str | Site | None"
 
 
@@ -133,13 +134,19 @@ def site_of(iolist: PointTable, cabinet: Where, settings: Settings) -> tuple[Sit
         return cabinet, ""
     position, remark = cabinet, ""
     if isinstance(cabinet, str):
+        reading = iolist.words if iolist.words.frames else settings.reading
+        axes = axes_at(reading, {"location": cabinet}, ("x_m", "z_m"))
         try:
             x, y, z = map(float, cabinet.replace(";", ",").split(","))
             position = Site((x, y, z)).cabinet
         except ValueError:
-            raise ArgumentError(
-                f"cabinet is {cabinet!r}; it must be three numbers x, y, z in m, such as 26,6,14"
-            ) from None
+            if isinstance(axes, str):
+                raise ArgumentError(
+                    f"cabinet is {cabinet!r}; it must be three numbers x, y, z in m, such as "
+                    "26,6,14, or a frame, a deck and a side of the list or the settings, such as "
+                    "FR 40, DK3, P 6"
+                ) from None
+            position = axes["x_m"], axes.get("y_m", 0.0), axes["z_m"]
     elif cabinet is None:
         position, remark = (0.0, 0.0, 0.0), "the list gives every cable length to the cabinet"
         if lost := int(iolist.points["home_run_m"].isna().sum()):
@@ -195,6 +202,12 @@ def frame(table: str, rows: Any = ()) -> pd.DataFrame:
     return made.astype(wrong) if wrong else made
 
 
+#: The points on a trunk of a box, as (tag, signal, conductors) in the order of the cores. Those of
+#: a later list follow those of the earlier ones, or replace one that was removed; a place without a
+#: point has no tag.
+Strip: TypeAlias = Sequence[Sequence[tuple[str, str, int]]]
+
+
 @dataclass(frozen=True, eq=False)
 class Layout:
     """The tables of a design; `Design` adds the values computed from them."""
@@ -208,6 +221,10 @@ class Layout:
     segments: pd.DataFrame
     reasons: pd.DataFrame
     settings: Settings = field(default_factory=Settings)
+    #: The points on each trunk of a box.
+    strips: Mapping[str, Strip] = field(default_factory=dict)
+    #: The earlier design whose boxes, channels and cables this one keeps.
+    previous: Layout | None = None
 
     def __post_init__(self) -> None:
         for table in COLUMNS:

@@ -34,6 +34,7 @@ from shipnet.design.drafting import (
     without_place,
     zones,
 )
+from shipnet.design.revision import Device, numbered
 from shipnet.design.settings import AsiLimits
 from shipnet.design.supply import slave_voltage
 from shipnet.lazy import pd
@@ -73,6 +74,9 @@ class Module(NamedTuple):
     ports: list[str]
     #: Current that the module draws from the line [A].
     current: float
+    #: Address and segment that the module keeps, or "".
+    label: str = ""
+    segment: str = ""
 
     @property
     def shares(self) -> bool:
@@ -105,9 +109,28 @@ def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
         for number in range(limits.channels, 0, -1):
             chosen = (kinds == name) & (channels == number)
             sharing.append((chosen, (name,), (number,), (limits.channels,)))
-    made = []
+    kept_modules = _kept_modules(draft, rows, kinds, channels)
+    kept = [row for members in kept_modules.values() for row in members]
+
+    def module(chosen: Indices, place: Place, device: Device | None = None) -> Module:
+        of = kinds[chosen]
+        kept_by, address = draft.kept.device, draft.kept.address
+        addresses = [
+            address[row].split() if device and kept_by.get(row) == device else []
+            for row in rows[chosen].tolist()
+        ]
+        old = [float(address[1].lstrip("AIQ")) if address else np.nan for address in addresses]
+        names = [f"{_PORTS[k]}{n}" for k, n in zip(of, numbered(of, old), strict=True)]
+        analogue = of[0][0] == "A"
+        profile = _ANALOGUE if analogue else _DIGITAL["DO" in of, limits.shared]
+        current = limits.current + analogue * len(of) * draft.settings.supply.loop
+        label = next((address[0] for address in addresses if address), "")
+        segment = device.segment if device else ""
+        return Module(profile, place, rows[chosen], names, current, label, segment)
+
+    made = [module(np.array(n), device.place, device) for device, n in kept_modules.items()]
     for mask, types, room, ports in sharing:
-        together = np.flatnonzero(mask)
+        together = np.flatnonzero(mask & ~np.isin(np.arange(len(rows)), kept))
         labels = zones(places[together], reach=limits.reach, most=_MOST)
         kind = np.array([types.index(str(name)) for name in kinds[together]], dtype=np.intp)
         for zone, most in enumerate(_room(labels, kind, room, ports, spare).tolist()):
@@ -117,13 +140,47 @@ def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
             groups = balanced(places[inside], needed, kinds=of_kind, most=most)
             for group in range(groups.max() + 1):
                 chosen = inside[groups == group]
-                of, at = kinds[chosen], np.median(places[chosen], axis=0).tolist()
-                names = [f"{_PORTS[k]}{(of[:n] == k).sum() + 1}" for n, k in enumerate(of)]
-                analogue = of[0][0] == "A"
-                profile = _ANALOGUE if analogue else _DIGITAL["DO" in of, limits.shared]
-                current = limits.current + analogue * len(of) * draft.settings.supply.loop
-                made.append(Module(profile, tuple(at), rows[chosen], names, current))
+                x, y, z = np.median(places[chosen], axis=0).tolist()
+                made.append(module(chosen, (x, y, z)))
     return made
+
+
+def _kept_modules(
+    draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_], channels: Indices
+) -> dict[Device, list[int]]:
+    """Return the points of each kept module, as indices; new ones take free ports within reach."""
+    index = {row: n for n, row in enumerate(rows.tolist()) if channels[n]}
+    groups = {
+        device: [index[row] for row in members]
+        for device, members in draft.kept.groups(index, "module", "AS-i ").items()
+    }
+    limits = draft.settings.asi
+    room = {"DI": limits.inputs, "DO": limits.outputs, "AI": limits.channels, "AO": limits.channels}
+    for n in sorted({*index.values()}.difference(*groups.values())):
+        row = rows[n]
+        for members in groups.values():
+            alike = [other for other in members if kinds[other] == kinds[n]]
+            fits = kinds[n][0] == "D" or len(members) < min(channels[[n, *members]])
+            away = draft.site.route(draft.places[rows[members]], draft.places[row])
+            same = {kinds[other] for other in members} <= (
+                {"DI", "DO"} if kinds[n][0] == "D" else {kinds[n]}
+            )
+            if same and fits and len(alike) < room[kinds[n]] and away.max() <= limits.reach:
+                members.append(n)
+                break
+    return groups
+
+
+def _labels(group: Sequence[Module], need: Sequence[float]) -> list[str]:
+    """Return the addresses of a line's modules: the kept ones, and free ones for the others."""
+    fresh = assign_addresses(len(group), shares=[module.shares for module in group], need=need)
+    kept = [module.label for module in group if module.label]
+    taken = {label.rstrip("AB") for label in kept}
+    most = max(len(group), *(int(number) for number in taken)) if taken else 0
+    free = [n for n in range(1, min(most + len(group), ADDRESSES) + 1) if str(n) not in taken]
+    if not kept or len({*kept}) < len(kept) or len(free) < len(group) - len(kept):
+        return fresh
+    return [m.label or f"{free.pop(0)}{'A' if m.shares else ''}" for m in group]
 
 
 @lru_cache(4096)
@@ -425,8 +482,7 @@ def build(
     group: Sequence[Module], ways: Floats, cable: Floats, need: Floats, limits: AsiLimits
 ) -> Line:
     """Plan a line; the nodes of its modules are numbered from 1."""
-    most = [float(min(need[module.rows])) for module in group]
-    labels = assign_addresses(len(group), shares=[module.shares for module in group], need=most)
+    labels = _labels(group, [float(min(need[module.rows])) for module in group])
     slaves = [
         Slave(label, module.profile, node=str(node), current=module.current)
         for node, (label, module) in enumerate(zip(labels, group, strict=True), 1)
@@ -507,7 +563,13 @@ def plan_asi(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
         return line, 1 if line.exceeded is None else inf
 
     number = draft.segments("AS-i")
-    for _, line in divided(range(len(all_modules)), lambda index: all_modules[index].place, judge):
+    lines = divided(
+        range(len(all_modules)),
+        lambda index: all_modules[index].place,
+        judge,
+        segment=lambda index: all_modules[index].segment,
+    )
+    for _, line in lines:
         assert line is not None
         if line.exceeded is None:
             number += 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from math import inf
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ def _served(
     longest: float,
     most: str,
     alone: Callable[[Box, float], tuple[Floats, str]],
+    prefix: str,
 ) -> list[Box]:
     """Return boxes of the points that a separate trunk can serve; record why others do not fit.
 
@@ -38,7 +40,7 @@ def _served(
     of a given length [m] to itself, and a phrase for the reason.
     """
     served = []
-    for box in boxes(draft, rows):
+    for box in boxes(draft, rows, prefix):
         length = route_past(draft, [box]).length
         if length > longest:
             for row in box.rows:
@@ -52,6 +54,10 @@ def _served(
         if (least <= need).any():
             served.append(box.part(np.flatnonzero(least <= need)))
     return served
+
+
+#: Position and kept segment of a box.
+place_of, segment_of = attrgetter("place"), attrgetter("segment")
 
 
 # CAN: messages, and segments that carry them in time --------------------------------------------
@@ -123,8 +129,8 @@ def plan_can(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
             return None, len(group) / (limits.nodes - 1)
         return _segment(draft, group, longest)
 
-    stations = _served(draft, rows, longest, most, alone)
-    segments = divided(stations, lambda box: box.place, judge, lambda box: box.halved(draft.need))
+    stations = _served(draft, rows, longest, most, alone, "CAN ")
+    segments = divided(stations, place_of, judge, lambda box: box.halved(draft.need), segment_of)
     for number, (group, segment) in enumerate(segments, 1 + draft.segments("CAN")):
         assert segment is not None
         name, order = f"CAN {number}", segment.trunk.order
@@ -231,14 +237,14 @@ def plan_modbus(draft: Draft, rows: Indices, *, doubled: bool = False) -> None:
 
     longest = _longest_section(limits, min(limits.bit_rates))
     most_m = f"a Modbus section may have at most {longest:.0f} m"
-    stations = _served(draft, rows, longest, most_m, alone)
+    stations = _served(draft, rows, longest, most_m, alone, "Modbus ")
     # The master is one unit load, and a repeater is one unit load on each side.
     most = min(limits.units, (1 + limits.repeaters) * (limits.unit_loads - 2) + 1)
 
     def judge(group: Sequence[Box]) -> tuple[_Loop | None, float]:
         return _loop(draft, group) if len(group) <= most else (None, len(group) / most)
 
-    loops = divided(stations, lambda box: box.place, judge, lambda box: box.halved(draft.need))
+    loops = divided(stations, place_of, judge, lambda box: box.halved(draft.need), segment_of)
     for number, (group, loop) in enumerate(loops, 1 + draft.segments("Modbus RTU")):
         assert loop is not None
         name, order = f"Modbus {number}", loop.trunk.order

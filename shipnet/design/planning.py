@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import ceil, inf
@@ -11,10 +11,10 @@ from types import MappingProxyType
 import numpy as np
 
 from shipnet.arrays import Floats, Indices
-from shipnet.design.catalogue import cables, smallest, with_spare
+from shipnet.design.catalogue import Cable, cables, smallest, with_spare
 from shipnet.design.designs import Design
 from shipnet.design.drafting import Box, Draft, Laid, boxes, without_place
-from shipnet.design.layout import Site
+from shipnet.design.layout import Site, Strip
 from shipnet.design.plan_asi import plan_asi
 from shipnet.design.plan_stations import plan_can, plan_modbus
 from shipnet.design.points import PointTable
@@ -22,6 +22,7 @@ from shipnet.design.rules import RuleSet, longest_responses
 from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
+from shipnet.signals import SIGNALS
 
 # Each point on its own wires, to the cabinet or to a box with a multi-pair cable -----------------
 
@@ -46,40 +47,72 @@ def plan_boxes(draft: Draft, rows: Indices) -> None:
         for row, length in zip(box.rows, box.lengths, strict=True):
             draft.drop(row, name, box.place, "", float(length))
             draft.connect(row, "hardwired", "", name, "", 0.0)
-        for part in _trunks(draft, box):
-            used, pairs = _wires(draft, part)
-            cable = smallest(2 * pairs, spare=draft.settings.spare)
+        for cable, strip in _trunks(draft, box):
             laid = Laid(draft.middle, box.place)
-            draft.run("trunk", (draft.cabinet, name), laid, cable, used)
+            used = sum(_wires([one for one in part if one[0]])[0] for part in strip)
+            run = draft.run("trunk", (draft.cabinet, name), laid, cable, used)
+            draft.strips[run] = strip
 
 
-def _trunks(draft: Draft, box: Box) -> list[Indices]:
-    """Divide the points of a box among cables that are large enough."""
+def _trunks(draft: Draft, box: Box) -> list[tuple[Cable, Strip]]:
+    """Divide the points of a box among cables that are large enough; those of a kept box stay."""
     largest = max(c.conductors for c in cables().values() if "hardwired" in c.buses)
+    spare, made = draft.settings.spare, list[tuple[Cable, Strip]]()
+    left = [(draft.tags[row], draft.signals[row], int(draft.wires[row])) for row in box.rows]
+    old = [*_kept_trunks(draft, box.name)]
+    stay = {place for _, strip in old for part in strip for place in part}.intersection(left)
+    left = [place for place in left if place not in stay]
+    for cable, strip in old:
+        parts = [[one if one in stay else ("", *one[1:]) for one in part] for part in strip]
+        for part in parts:
+            for n, (tag, *form) in enumerate(part):
+                like = [one for one in left if [*one[1:]] == form]
+                if not tag and like:
+                    part[n] = like[0]
+                    left.remove(like[0])
+        new: list[tuple[str, str, int]] = []
+        for one in list(left):
+            if 2 * sum(_wires(part)[1] for part in (*parts, [*new, one])) <= cable.conductors:
+                new.append(one)
+                left.remove(one)
+        made.append((cable, [*parts, new] if new else parts))
+    if not left:
+        return made
 
     def needed(pairs: int) -> int:
-        return with_spare(2 * pairs, draft.settings.spare)
+        return with_spare(2 * pairs, spare)
 
-    each = (draft.wires[box.rows] + 1) // 2
+    each = np.array([(wires + 1) // 2 for _, _, wires in left])
     number = max(1, ceil(needed(int(each.sum())) / largest))
     while True:
         # Start a new part where the sum of pairs passes a multiple of an equal share.
         share = np.cumsum(each) - each / 2
-        part = np.minimum((share * number / each.sum()).astype(np.intp), number - 1)
-        parts = [box.rows[part == points] for points in range(number) if (part == points).any()]
-        fits = all(needed(_wires(draft, points)[1]) <= largest for points in parts)
-        if fits or number >= len(box.rows):
-            return parts
+        of = np.minimum((share * number / each.sum()).astype(np.intp), number - 1).tolist()
+        divided = [[place for place, n in zip(left, of, strict=True) if n == k] for k in {*of}]
+        pairs = [_wires(part)[1] for part in divided]
+        if all(needed(one) <= largest for one in pairs) or number >= len(left):
+            fresh = zip(pairs, divided, strict=True)
+            return [*made, *((smallest(2 * one, spare=spare), [part]) for one, part in fresh)]
         number += 1
 
 
-def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
+def _kept_trunks(draft: Draft, box: str) -> Iterator[tuple[Cable, Strip]]:
+    """Yield the trunks of a box in the earlier design."""
+    if draft.previous is not None:
+        runs = draft.previous.cables
+        for run, cable, b in zip(runs["run"], runs["cable"], runs["b"], strict=True):
+            if b == box and run in draft.previous.strips:
+                yield cables()[cable], draft.previous.strips[run]
+
+
+def _wires(part: Sequence[tuple[str, str, int]]) -> tuple[int, int]:
     """Return the numbers of conductors and pairs needed; a common return counts once per signal."""
-    signals, common = draft.signals[rows], draft.common[rows]
-    wires, alone = draft.wires[rows] - common, common == 0
-    returns = sum(dict(zip(signals, common.tolist(), strict=True)).values())
-    pairs = ((wires[alone] + 1) // 2).sum()
-    return int(wires.sum()) + returns, int(pairs) + ceil((int(wires[~alone].sum()) + returns) / 2)
+    returns = sum({signal: SIGNALS[signal].common for _, signal, _ in part}.values())
+    alone = [wires for _, signal, wires in part if not SIGNALS[signal].common]
+    shared = returns + sum(
+        wires - SIGNALS[signal].common for _, signal, wires in part if SIGNALS[signal].common
+    )
+    return sum(alone) + shared, sum((wires + 1) // 2 for wires in alone) + ceil(shared / 2)
 
 
 # The options, and a mix of them -----------------------------------------------------------------
@@ -115,8 +148,11 @@ def plan(
     mix: Mapping[str, str] | None = None,
     name: str | None = None,
     rules: RuleSet | None = None,
+    keep: Design | None = None,
 ) -> Design:
     """Connect the points of a list by one option, except those for which `mix` names another.
+
+    Points that an earlier design, `keep`, has in the same place keep their boxes and channels.
 
     If a response exceeds the limits of `rules`, the points are planned again within these limits;
     points that would then no longer fit are exempt from them.
@@ -143,7 +179,7 @@ def plan(
         chosen[on_bus & (iolist.points["ex"] != "").to_numpy()] = "home runs"
 
     def planned(longest: Floats | float = inf) -> Design:
-        draft = Draft(iolist, site, values, longest)
+        draft = Draft(iolist, site, values, longest, keep)
         for way, planner in _PLANNERS.items():
             rows = np.flatnonzero(chosen == way)
             if len(rows):

@@ -208,7 +208,7 @@ def _place_by_frames(cells: Points, numbers: dict[str, Floats]) -> None:
             cells.doubt(statement, stated)
             return
         cells_of = {row: dict(zip(columns, row, strict=True)) for row in set(rows)}
-        coordinates = {row: _placed(reading, cells_of[row], computed) for row in cells_of}
+        coordinates = {row: axes_at(reading, cells_of[row], computed) for row in cells_of}
         for index in np.flatnonzero(stated).tolist():
             axes = coordinates[rows[index]]
             if isinstance(axes, str):
@@ -231,7 +231,7 @@ def _place_by_frames(cells: Points, numbers: dict[str, Floats]) -> None:
         numbers["y_m"][centred] = 0.0
 
 
-def _placed(
+def axes_at(
     reading: Reading, cells: Mapping[str, str], computed: Sequence[str]
 ) -> dict[str, float] | str:
     """Return the coordinates that frame, deck and location give, or the name of what is unknown."""
@@ -492,6 +492,7 @@ class PointTable:
     points: pd.DataFrame
     source: str
     notes: tuple[Remark, ...] = ()
+    words: Reading = _PLAIN
 
     def __post_init__(self) -> None:
         missing = [name for name in COLUMNS if name not in self.points.columns]
@@ -540,7 +541,7 @@ class PointTable:
     @classmethod
     def _of(cls, sheet: Sheet, reading: Reading, strict: bool) -> Self:
         points, notes = points_of(sheet, reading, strict=strict)
-        return cls(points, sheet.source, notes)
+        return cls(points, sheet.source, notes, reading)
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ import pandas as pd
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.costs import bill_table
 from shipnet.design.layout import Layout
+from shipnet.design.revision import numbered
 from shipnet.design.supply import supply_tables
 from shipnet.errors import ArgumentError
 from shipnet.signals import SIGNALS
@@ -111,8 +112,11 @@ def points(design: Layout) -> pd.DataFrame:
     listed = design.iolist.points[columns].assign(planned_update_ms=used)
     # A hardwired point ends on a card in the cabinet, even if its cable passes through a box.
     reader = connected["device"].where(connected["bus"] != "hardwired", design.cabinet)
-    number = listed.groupby([reader, listed["type"]]).cumcount() + 1
-    channel = (listed["type"] + " " + number.astype(str)).where(connected["bus"] != "", "")
+    where = list(zip(reader, listed["type"], strict=True))
+    old = {} if design.previous is None else _channels(design.previous)
+    was = [old.get((tag, *at), np.nan) for tag, at in zip(listed["tag"], where, strict=True)]
+    number = pd.Series(numbered(where, was), listed.index, dtype=object).astype(str)
+    channel = (listed["type"] + " " + number).where(connected["bus"] != "", "")
     # A point on doubled AS-i lines has a cable to each; the address is that of both modules.
     ends = dict(zip(design.cables["b"][::-1], design.cables["run"][::-1], strict=True))
     return pd.concat([listed, connected.drop(columns="fits")], axis=1).assign(
@@ -120,12 +124,21 @@ def points(design: Layout) -> pd.DataFrame:
     )
 
 
+def _channels(design: Layout) -> dict[tuple[str, str, str], float]:
+    """Return the channel of each connected point, by its tag, its reader and its type."""
+    table = points(design)
+    table = table[table["channel"] != ""]
+    reader = table["device"].where(table["bus"] != "hardwired", design.cabinet)
+    channel = table["channel"].str.split().str[-1].astype(float)
+    return dict(zip(zip(table["tag"], reader, table["type"], strict=True), channel, strict=True))
+
+
 def terminals(design: Layout) -> pd.DataFrame:
     """Return the terminal plan: one row per core with its signal and its terminal at each end.
 
-    The terminals of each device are numbered from 1 in the order of the cables. Cores that meet in
-    a junction box share a terminal, as do the returns that share a core of its trunk. Spare cores
-    have no terminal.
+    The terminals of each device are numbered from 1 in the order of the cables; those of an earlier
+    design keep their numbers. Cores that meet in a junction box share a terminal, as do the returns
+    that share a core of its trunk. Spare cores have no terminal.
     """
     runs = design.cables
     size = runs["conductors"].to_numpy(np.intp)
@@ -152,11 +165,17 @@ def terminals(design: Layout) -> pd.DataFrame:
     a, b = (runs[end].to_numpy(object)[row] for end in ("a", "b"))
     both = {"device": [a, b], "key": [near, far]}
     ends = pd.DataFrame({name: np.stack(pair, axis=1).ravel() for name, pair in both.items()})
-    strips = ends[np.repeat(used, 2)].drop_duplicates()
-    terminal = strips.groupby("device").cumcount().add(1).set_axis(strips["key"]).astype("Int64")
+    cable = runs["run"].to_numpy(object)[row]
+    old = {} if design.previous is None else _terminals(design.previous)
+    at = zip(np.repeat(cable, 2), np.repeat(core, 2), ends["device"], strict=True)
+    ends["old"] = [old.get(end, np.nan) for end in at] if old else np.nan
+    strips = ends[np.repeat(used, 2)].groupby(["device", "key"], sort=False)["old"].first()
+    devices_of, keys = (strips.index.get_level_values(level) for level in ("device", "key"))
+    numbers = np.array(numbered(devices_of, strips), dtype=np.int64)
+    terminal = pd.Series(numbers, keys).astype("Int64")
     return pd.DataFrame(
         {
-            "cable": runs["run"].to_numpy(object)[row],
+            "cable": cable,
             "core": core,
             "carries": np.where(used, carries, "spare"),
             "wire": np.where(used, wire, ""),
@@ -166,6 +185,13 @@ def terminals(design: Layout) -> pd.DataFrame:
             "to_terminal": terminal.reindex(np.where(used, far, -1)).array,
         }
     )
+
+
+def _terminals(design: Layout) -> dict[tuple[str, int, str], float]:
+    """Return the terminal of each core in use, by cable, core and device."""
+    table = terminals(design)
+    ends = (table[["cable", "core", end, f"{end}_terminal"]].dropna() for end in ("from", "to"))
+    return {(c, n, at): float(t) for part in ends for c, n, at, t in part.itertuples(index=False)}
 
 
 def _wires(design: Layout) -> Iterator[str]:
@@ -186,32 +212,20 @@ _Joint: TypeAlias = tuple[list[tuple[int, int]], str]
 def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
     """Yield the row of each trunk of a box, and the wires joined to each core of the trunk.
 
-    The planner divides the points of a box among its trunks in order, so the number of
-    conductors in use shows which points share a trunk. In a trunk, the pairs of points with their
-    of_box return come first, then one conductor per point with a common return, then these returns.
+    Of the points that are added together, the pairs of points with their own return come first,
+    then one conductor per point with a common return, then these returns.
     """
     runs = design.cables
-    kinds = dict(zip(design.points["tag"], design.iolist.points["signal"], strict=True))
-    signal, used = [kinds.get(tag, "") for tag in runs["b"]], runs["used"].tolist()
-    box = runs["b"].where((runs["kind"] == "trunk") & (runs["segment"] == ""), "")
-    near = runs["a"].where(runs["kind"] == "drop", "")
-    trunks, drops = (
-        {str(name): [int(row) for row in rows] for name, rows in runs.groupby(of).indices.items()}
-        for of in (box, near)
-    )
-    trunks.pop("", None)
-    for name, of_box in trunks.items():
-        left = drops.get(name, [])[::-1]
-        for trunk in of_box:
-            inside, taken, seen = list[int](), 0, set[str]()
-            while left:
-                kind = signal[left[-1]]
-                taken += used[left[-1]] - (SIGNALS[kind].common if kind in seen else 0)
-                if taken > used[trunk] and trunk != of_box[-1]:
-                    break
-                seen.add(kind)
-                inside.append(left.pop())
-            yield trunk, _joints([(drop, signal[drop], used[drop]) for drop in inside])
+    drops = {tag: row for row, tag in enumerate(runs["b"]) if runs["kind"][row] == "drop"}
+    for row, run in enumerate(runs["run"]):
+        parts = [
+            _joints([(drops.get(tag, -1), kind, wires) for tag, kind, wires in part])
+            for part in design.strips.get(run, ())
+        ]
+        if parts:
+            # Each part begins with a pair.
+            even = [[*part, *[([], "")] * (len(part) % 2)] for part in parts]
+            yield row, [joint for part in even for joint in part]
 
 
 def _joints(drops: Iterable[tuple[int, str, int]]) -> list[_Joint]:
@@ -219,10 +233,11 @@ def _joints(drops: Iterable[tuple[int, str, int]]) -> list[_Joint]:
     pairs, shared, returns = list[_Joint](), list[_Joint](), dict[str, list[tuple[int, int]]]()
     for drop, kind, wires in drops:
         common = SIGNALS[kind].common
-        wires_of: list[_Joint] = [([(drop, wire)], "") for wire in range(wires - common)]
+        joined = range(wires - common)
+        wires_of: list[_Joint] = [([(drop, wire)] if drop >= 0 else [], "") for wire in joined]
         if common:
             shared += wires_of
-            returns.setdefault(kind, []).append((drop, wires - 1))
+            returns.setdefault(kind, []).extend([(drop, wires - 1)] * (drop >= 0))
         else:
             pairs += wires_of if wires % 2 == 0 else [*wires_of, ([], "")]
     return [*pairs, *shared, *((ends, kind) for kind, ends in returns.items())]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.stats import triang
 
 from shipnet import datasets
-from shipnet.design.catalogue import Assumptions, Range, cables, values_at
+from shipnet.design.catalogue import Assumptions, cables, values_at
 from shipnet.design.costs import (
     CABLE_RANGES,
     FIGURES,
@@ -28,6 +28,7 @@ from shipnet.design.layout import Site, frame
 from shipnet.design.planning import OPTIONS as OPTIONS_OF_A_PLAN
 from shipnet.design.planning import plan
 from shipnet.design.plant import Plant
+from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError
 from shipnet.signals import hardwired_conductors
 from tests.design.lists import rows_of, small_loop
@@ -250,14 +251,53 @@ def test_a_network_without_anything_costs_nothing():
 
 
 def test_the_catalogue_is_used(monkeypatch):
-    types = cables()
-    light = {name: replace(cable, mass=Range(0, 0, 0)) for name, cable in types.items()}
-    monkeypatch.setattr("shipnet.design.costs.catalogue", lambda: light)
-    assert quantities(PLANT.hardwired)["cable_mass_kg"] == 0
-    types = {name: cable for name, cable in types.items() if name != "MI1P075"}
+    types = {name: cable for name, cable in cables().items() if name != "MI1P075"}
     monkeypatch.setattr("shipnet.design.costs.catalogue", lambda: types)
     with pytest.raises(ArgumentError, match="has no cable MI1P075"):
         quantities(PLANT.hardwired)
+
+
+@pytest.mark.parametrize(
+    ("name", "figure"),
+    [
+        ("mass", "cable_mass_kg"),
+        ("price", "cable_cost_eur"),
+        ("lay", "labour_h"),
+        ("termination", "labour_h"),
+    ],
+)
+def test_the_figures_of_a_type_of_cable_can_be_set(name, figure):
+    design = PLANT.hardwired
+    assert set(design.cables["cable"]) == {"MI1P075"}
+    setting = f"assumptions.{name}_MI1P075"
+    base = Settings({"spare": 0})
+    twice = base.replace({setting: [2 * end for end in base[setting]]})
+    metres = design.cables["length_m"].sum()
+    number = 2 * design.cables["used"].sum() if name == "termination" else metres
+    before, after = (design.priced(one).quantities() for one in (base, twice))
+    assert after[figure] - before[figure] == pytest.approx(number * base[setting].nominal)
+    other = base.replace({f"assumptions.{name}_MI37P075": 9})
+    assert design.priced(other).quantities()[figure] == before[figure]
+    bill = design.priced(twice).tables()["bill"]
+    assert bill["cost_eur"].sum() == pytest.approx(after["total_cost_eur"])
+    used = after.assumptions.set_index("name")["status"]
+    assert (used[used.index.str.endswith("of MI1P075")] == "given").sum() == 1
+
+
+def test_the_price_of_copper_changes_each_cable_by_its_copper():
+    design, base = PLANT.hardwired, Settings({"spare": 0})
+    per_metre = 2 * 0.75e-6 * 8960  # kg: two conductors of 0.75 mm2, 8960 kg/m3
+    dear = base.replace({"assumptions.copper_price": 18})
+    before, after = (design.priced(one).quantities() for one in (base, dear))
+    more = 9 * per_metre * design.cables["length_m"].sum()
+    for level in ("low", "nominal", "high"):
+        laid = base["assumptions.laid_length"][["low", "nominal", "high"].index(level)]
+        change = after.figures.loc["cable_cost_eur", level]
+        change -= before.figures.loc["cable_cost_eur", level]
+        assert change == pytest.approx(laid * more)
+    assert "copper_price" in set(after.assumptions["name"]) - set(before.assumptions["name"])
+    free = base.replace({"assumptions.copper_price": 0, "assumptions.price_MI1P075": 0.01})
+    assert design.priced(free).quantities()["cable_cost_eur"] == 0
 
 
 @pytest.mark.parametrize(
@@ -281,13 +321,14 @@ def test_the_assumptions_file_is_in_order_and_every_row_is_used():
     assert table.index.is_unique
     assert table.map(lambda cell: cell != "").all(axis=None)
     assert set(table["status"]) == {"assumed", "derived"}
-    assert set(table["unit"]) == {"EUR", "EUR/h", "h", "1"}
+    assert set(table["unit"]) == {"EUR", "EUR/h", "EUR/kg", "h", "1"}
     # The mixed plant has every device and every channel; the others have a digital module, stations
     # with two lines, and a barrier.
     safe = IoList.parse("tag,signal,x,y,z\nA,4-20mA Ex ia,1,0,0").plan("home runs", (0, 0, 0))
     redundant = small_loop(redundant=True)
     others = (Model(design).names for design in (PLANT.on_asi, redundant, safe))
-    assert set(table.index) <= set(Model(MIXED).names).union(*others)
+    # Without the user's price, that of copper changes nothing.
+    assert {*table.index} - {"copper_price"} <= set(Model(MIXED).names).union(*others)
     # The range of the laid length, from the detours and tails given in the row.
     low, nominal, high = ((k * 40 + tail) / 51 for k, tail in [(1.05, 3), (1.15, 5), (1.3, 8)])
     laid = Assumptions()["laid_length"]
@@ -308,19 +349,12 @@ def test_quantiles_are_those_of_the_triangular_distribution(row, u):
         assert value == pytest.approx(expected, rel=1e-6, abs=1e-6 * high)
 
 
-def test_the_mean_of_the_draws_is_that_of_the_closed_form(monkeypatch):
+def test_the_mean_of_the_draws_is_that_of_the_closed_form():
     # Each cost is a sum of products of independent assumptions, so its mean is the figure at their
     # means, (low + nominal + high) / 3. The tolerance is four standard errors of the mean.
-    types = {
-        name: replace(
-            c, **{f: Range(*[np.mean(getattr(c, f))] * 3) for f, _ in CABLE_RANGES.values()}
-        )
-        for name, c in cables().items()
-    }
     assumed = Assumptions()
     means = {name: np.mean(row) for name, row in assumed.items()}
     sample = draw(OPTIONS, rng=np.random.default_rng(2024), draws=40_000)
-    monkeypatch.setattr("shipnet.design.costs.catalogue", lambda: types)
     for option, design in OPTIONS.items():
         expected = quantities(priced(design, **means))
         for figure in [*COSTS, "total_cost_eur", "labour_h", "cable_mass_kg", "cable_length_km"]:
@@ -337,22 +371,17 @@ def test_another_option_does_not_change_the_draws_of_the_others():
     pd.testing.assert_frame_equal(twice["a"], twice["b"])
 
 
-def test_the_tornado_shows_the_effect_of_each_changed_assumption(monkeypatch):
+def test_the_tornado_shows_the_effect_of_each_changed_assumption():
     result = tornado(OPTIONS)
-    assumed, types = Assumptions(), cables()
+    assumed = Assumptions()
     for name in result.every.index:
         for index, level in ((0, "low"), (2, "high")):
-            if name in CABLE_RANGES:
-                field, _ = CABLE_RANGES[name]
-                changed = {
-                    i: replace(c, **{field: Range(*[getattr(c, field)[index]] * 3)})
-                    for i, c in types.items()
-                }
-                catalogue, prices = changed, {}
-            else:
-                catalogue = types
-                prices = {name: assumed[name][index]}
-            monkeypatch.setattr("shipnet.design.costs.catalogue", lambda changed=catalogue: changed)
+            names = (
+                [f"{CABLE_RANGES[name]}_{id}" for id in cables()]
+                if name in CABLE_RANGES
+                else [name]
+            )
+            prices = {one: assumed[one][index] for one in names}
             ends = {
                 o: quantities(priced(n, **prices))["total_cost_eur"] for o, n in OPTIONS.items()
             }

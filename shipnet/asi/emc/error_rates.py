@@ -301,6 +301,22 @@ def error_rate(
     return np.array(rates)
 
 
+def noise_margin(wave: Waveform, receiver: Receiver) -> float:
+    """Return the largest voltage of noise, after any filter, that changes no decision [V].
+
+    In the worst case, noise raises the first pulse, and with it the level of the receiver (a
+    fraction of the first pulse: ZMD, SAP5S/SAP51 data sheet, 2012, p. 31), and lowers another
+    pulse; or the reverse, between pulses. A false start needs the receiver's `minimum`.
+    """
+    threshold, minimum = receiver.threshold, receiver.minimum
+    height, filled, _, _ = _slots(wave, receiver)
+    first, other = height[:, :1], height[:, 1:]
+    above = (other - threshold * first) / (1 + threshold)
+    pulses, gaps = np.minimum(above, other - minimum), np.maximum(-above, minimum - other)
+    slots = np.where(filled[:, 1:], pulses, gaps)
+    return float(min(minimum, (first - minimum).min(), slots.min()))
+
+
 #: Tries per slave and cycle, and the number of consecutive failed cycles after which a slave is
 #: dropped. Beckhoff, EL6201: three data exchange phases in a row; Siemens, AS-i analyser: six
 #: exchanges.
