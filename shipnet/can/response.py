@@ -429,6 +429,8 @@ class ResponseTimes(Named[ResponseTime]):
         item = self[message]
         if item.response == math.inf:
             raise ArgumentError(f"message is {message!r}, whose wait has no bound")
+        if any(one.message.transport for one in self):
+            raise ArgumentError("messages include some of several frames; only one frame is drawn")
         urgent = self._items[: self._items.index(item)]
         times = [(one.frame_time, one.message.period, one.message.jitter) for one in urgent]
         return plot_wait(item.blocking, times, 1 / self.bit_rate, ax)

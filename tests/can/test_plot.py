@@ -66,6 +66,9 @@ def test_a_wait_without_a_bound_is_refused():
     slow = response_times(MessageSet([Message("A", 1, 8, 1e-3), Message("B", 2, 8, 1e-3)]), 125e3)
     with pytest.raises(ArgumentError, match="'B', whose wait has no bound"):
         slow.plot_wait("B")
+    long = MessageSet([Message("A", 0x18FF0001, 20, 1.0, extended=True, transport="fast packet")])
+    with pytest.raises(ArgumentError, match="only one frame is drawn"):
+        response_times(long, 250e3).plot_wait("A")
 
 
 def test_a_counter_is_that_of_the_simulation(ax):
