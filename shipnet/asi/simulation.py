@@ -225,7 +225,8 @@ class Run:
         `where` is a condition on the events, such as ``"phase == 'data_exchange'"``; `start` and
         `stop` are simulated times [s]. A wrong or missing response is red; a repeated request is
         hatched and numbered. Of more than 500 requests, 40 are drawn, which the title numbers:
-        those around the first fault or, without faults, around the longest wait of a slave.
+        those around the first fault or, without faults, around the longest wait of a slave. A dot
+        is a change of a slave's inputs; its arrow ends when the master knows it.
         """
         try:
             events = self._events if where is None else self._events.query(where)
@@ -273,6 +274,17 @@ class Run:
                 pause, look = 2.0, look | {"alpha": 0.35, "linestyle": ":"}
             x, y = begin + (REQUEST_BITS + pause) * bit, row[one["slave"]] - 0.4
             style.box(ax, x, y, response, 0.8, **look)
+        changes = self.input_changes()
+        shown_changes = changes["slave"].isin(row) & changes["time_s"].between(
+            shown["time_s"].iloc[0], shown["time_s"].iloc[-1]
+        )
+        for time, slave, _, wait in changes[shown_changes].itertuples(index=False):
+            ax.plot(1e3 * time, row[slave], "ko", zorder=3)
+            arrow: dict[str, Any] = {"arrowprops": {"arrowstyle": "->", "linewidth": 2}}
+            if wait == wait:  # a change that the master does not learn of has no arrow
+                ax.annotate(
+                    "", (1e3 * (time + wait), row[slave]), (1e3 * time, row[slave]), **arrow
+                )
         last = shown.iloc[-1]
         end = last["time_s"] + (REQUEST_BITS + 10 + RESPONSE_BITS) * bit_time
         ax.set(xlim=(1e3 * shown["time_s"].iloc[0] - bit, 1e3 * end), ylim=(len(row) + 0.6, -0.8))

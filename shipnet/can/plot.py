@@ -1,10 +1,11 @@
-"""Figures of bits: the fields of a frame, and the senders in an arbitration."""
+"""Figures of a frame's fields, of an arbitration, and of the wait of a message."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
@@ -157,3 +158,39 @@ def _cell(
     text |= {"ha": "center", "va": "center", "family": "monospace"}
     bbox = {"edgecolor": "none", **box} if is_stuff else None
     ax.text(corner[0] + 0.5, corner[1] + middle, bit, bbox=bbox, **text)
+
+
+@style.applied
+def plot_wait(
+    blocking: float,
+    urgent: Sequence[tuple[float, float, float]],
+    bit_time: float,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the bus time needed within a wait w; `urgent` are frame times, periods and jitters."""
+    C, T, J = 1e3 * np.reshape(urgent, (-1, 3)).T
+    tau = 1e3 * bit_time
+
+    def needed(w: float) -> float:
+        # Rounding keeps a frame that becomes due exactly at the end of w from counting by chance.
+        return 1e3 * blocking + float(np.ceil(np.round((w + J + tau) / T, 9)) @ C)
+
+    waits = [1e3 * blocking]
+    while (after := needed(waits[-1])) > waits[-1] + 1e-9:
+        waits.append(after)
+    end = 1.2 * waits[-1] + tau
+    jumps = [np.arange(one, end + late, one) - late for one, late in zip(T, J + tau, strict=True)]
+    w = [0.0, *sorted(t for several in jumps for t in several if t > 0), end]
+    ax = style.axes(ax)
+    ax.plot(w, [needed(one + 1e-6) for one in w], drawstyle="steps-post", color="C0")
+    ax.plot([0, end], [0, end], "--", color="0.4")
+    corners = np.repeat(waits, 2)
+    ax.plot(corners[:-1], corners[1:], "C1:.", linewidth=2)
+    ax.plot(waits[-1], waits[-1], "C1o", markersize=8)
+    found = f"w = {waits[-1]:.2f} ms"
+    ax.annotate(found, (waits[-1],) * 2, (4, -14), textcoords="offset points", color="C1")
+    ax.annotate("B", (waits[0],) * 2, (-12, 4), textcoords="offset points", color="C1")
+    ax.text(0.02 * end, needed(0) + 0.02 * end, "bus time needed", color="C0")
+    ax.text(0.45 * end, 0.38 * end, "wait w", color="0.4")
+    ax.set(xlabel="wait w [ms]", ylabel="bus time [ms]", xlim=(0, end), ylim=(0, 1.1 * end))
+    return ax

@@ -418,6 +418,23 @@ class ResponseTimes(Named[ResponseTime]):
         ax.grid(visible=False, axis="y")
         return ax
 
+    def plot_wait(self, message: str, ax: Axes | None = None) -> Axes:
+        """Draw how the wait of a message is found, for its first instance and without errors.
+
+        The stairs are the bus time that the blocking frame and all more urgent frames need if they
+        become due within w. A dotted path goes from the blocking to the smallest w that is enough.
+        """
+        from shipnet.can.plot import plot_wait
+
+        item = self[message]
+        if item.response == math.inf:
+            raise ArgumentError(f"message is {message!r}, whose wait has no bound")
+        if any(one.message.transport for one in self):
+            raise ArgumentError("messages include some of several frames; only one frame is drawn")
+        urgent = self._items[: self._items.index(item)]
+        times = [(one.frame_time, one.message.period, one.message.jitter) for one in urgent]
+        return plot_wait(item.blocking, times, 1 / self.bit_rate, ax)
+
 
 def response_times(
     messages: MessageSet,

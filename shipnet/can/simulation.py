@@ -21,7 +21,7 @@ from shipnet.can.log import Log
 from shipnet.can.messages import MessageSet, counted
 from shipnet.clock import NEVER, as_faults, nanoseconds
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_rng, check_scalar
+from shipnet.fields import check_choice, check_rng, check_scalar
 from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 
@@ -204,6 +204,33 @@ class Run:
         ax.set_yticks(range(len(lane)), [*map(style.literal, lane)])
         ax.grid(axis="y", visible=False)
         style.legend(ax)
+        return ax
+
+    @style.applied
+    def plot_errors(self, sender: str, ax: Axes | None = None) -> Axes:
+        """Draw a sender's transmit error counter (TEC) over time, with the limits of its states.
+
+        It grows by 8 with each destroyed frame and falls by 1 with each frame sent. A sender that
+        was bus off begins at 0 again.
+        """
+        check_choice("sender", sender, self._columns.senders)
+        own = self._events["message"].isin(
+            [one.name for one in self.system if one.sender == sender]
+        )
+        failed = self.errors().query("sender == @sender")[["start_ms", "free_ms", "tec"]]
+        sent = self._events[own & (self._events["outcome"] == "sent")][["start_ms", "end_ms"]]
+        frames = [*failed.to_numpy().tolist(), *sent.to_numpy().tolist()]
+        times, counts = [0.0], [0]
+        for start, end, *tec in sorted(frames):
+            if counts[-1] >= BUS_OFF:
+                times, counts = [*times, start], [*counts, 0]
+            times, counts = [*times, end], [*counts, int(tec[0]) if tec else max(0, counts[-1] - 1)]
+        ax = style.axes(ax)
+        ax.plot(times, counts, drawstyle="steps-post")
+        style.limit(ax, PASSIVE, "error\npassive")
+        style.limit(ax, BUS_OFF, "bus off")
+        ax.set(xlabel="time [ms]", ylabel=f"TEC of {style.literal(sender)}", ylim=(0, 280))
+        ax.set_yticks(range(0, 257, 64))
         return ax
 
     def log(self) -> Log:

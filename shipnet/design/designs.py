@@ -151,8 +151,11 @@ class Design(Layout):
         tables.save_files(folder, self.files())
 
     @style.applied
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the design from above: cabinet, devices, points, and the cables between them."""
+    def plot(self, ax: Axes | None = None, *, cables: Collection[str] = ()) -> Axes:
+        """Draw the design from above: cabinet, devices, points, and the cables between them.
+
+        Bars mark the given `cables` as cut, and crosses the points that are lost if all are.
+        """
         ax = style.axes(ax)
         at = self.devices.set_index("device")[["x_m", "y_m"]]
         points = self.iolist.points.set_index("tag")[["x_m", "y_m"]]
@@ -166,7 +169,15 @@ class Design(Layout):
         ax.plot(boxes["x_m"], boxes["y_m"], "s", color="0.25", markersize=4, label="box or module")
         ax.plot(points["x_m"], points["y_m"], ".", color="0.5", markersize=3, label="point")
         ax.plot(*at.loc[self.cabinet], "D", color="C3", label="cabinet")
-        ax.set(xlabel="x [m]", ylabel="y [m]", title=style.literal(self.name))
+        title = style.literal(self.name)
+        if cables:
+            lost = points.loc[list(self.lost(cables=cables))]
+            cut = self.cables.set_index("run").loc[list(cables)]
+            middles = (places.loc[cut["a"]].to_numpy() + places.loc[cut["b"]].to_numpy()) / 2
+            ax.plot(*middles.T, "k|", markersize=16, markeredgewidth=3, label="cut")
+            ax.plot(*lost.to_numpy().T, "kX", markersize=8, label="lost")
+            title += f": {len(lost)} of {len(points)} points lost"
+        ax.set(xlabel="x [m]", ylabel="y [m]", title=title)
         ax.margins(0.05)
         ax.autoscale_view()
         ax.legend(loc="upper left", bbox_to_anchor=(1, 1))

@@ -354,11 +354,13 @@ class RuleBase:
         others: Mapping[str, float] | None = None,
         *,
         code: str | None = None,
+        method: str = "fuzzy",
         ax: Axes | None = None,
     ) -> Axes:
         """Draw the decision, or the firing strength of the rule `code`, over two variables.
 
-        `others` are the values of the other variables; those omitted are missing.
+        `others` are the values of the other variables; those omitted are missing. A decision has
+        the colour of its highest-ranked rule, which is paler the weaker the rule fires.
         """
         across, up, fixed = self[x], self[y], dict(others or {})
         if x == y or x in fixed or y in fixed:
@@ -366,22 +368,35 @@ class RuleBase:
                 f"x is {x!r}, y is {y!r}; they must be two variables that are not in others"
             )
         sides = [np.linspace(one.low, one.high, _FINE) for one in (across, up)]
-        decision = self.decide({**fixed, x: sides[0], y: sides[1][:, np.newaxis]})
+        decision = self.decide({**fixed, x: sides[0], y: sides[1][:, np.newaxis]}, method)
         order = (NORMAL, UNDETERMINED, *reversed(self.ranking))
         present = [name for name in order if (decision.top == name).any()]
         if code is None:
             shade = np.select([decision.top == name for name in present], range(len(present)))
-            ends, label, colours = np.arange(len(present) + 1) - 0.5, "decision", "YlGnBu"
+            firing = [decision.firing[name] for name in self.codes]
+            fires = np.select([decision.top == name for name in self.codes], firing, 1.0)
+            ends, colours = (-0.5, len(present) - 0.5), "YlGnBu"
         else:
-            shade = decision.firing[code]
-            ends, label, colours = np.linspace(0, 1, 256), f"firing strength of {code}", "Blues"
+            shade, fires, ends, colours = decision.firing[code], None, (0, 1), "Blues"
         ax, extent = style.axes(ax), (across.low, across.high, up.low, up.high)
         look: dict[str, Any] = {"origin": "lower", "extent": extent, "aspect": "auto"}
-        image = ax.imshow(shade, cmap=colours, vmin=ends[0], vmax=ends[-1], **look)
-        bar = ax.figure.colorbar(image, ax=ax, label=label, boundaries=ends)
+        image = ax.imshow(shade, cmap=colours, vmin=ends[0], vmax=ends[-1], alpha=fires, **look)
         if code is None:
-            bar.set_ticks(range(len(present)), labels=present)
+            from scipy.ndimage import distance_transform_edt
+
+            for name in present:
+                # The middle of the places within a region that are farthest from its edges.
+                depth = distance_transform_edt(np.pad(decision.top == name, 1))[1:-1, 1:-1]
+                deepest = np.argwhere(depth == depth.max())
+                row, column = deepest[len(deepest) // 2]
+                white = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.5}
+                words: dict[str, Any] = {"ha": "center", "va": "center", "bbox": white}
+                if depth.max() < 0.02 * _FINE:  # a strip that its name would cover
+                    words |= {"xytext": (20, 12), "textcoords": "offset points"}
+                    words |= {"arrowprops": {"arrowstyle": "-"}}
+                ax.annotate(style.literal(name), (sides[0][column], sides[1][row]), **words)
         else:
+            bar = ax.figure.colorbar(image, ax=ax, label=f"firing strength of {code}")
             bar.set_ticks([0, 0.5, 1])
         ax.grid(visible=False)
         ax.set(xlabel=across.label, ylabel=up.label)

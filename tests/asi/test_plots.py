@@ -106,3 +106,19 @@ def test_of_many_requests_without_a_fault_the_longest_wait_is_drawn(ax, cycles):
 def test_a_figure_of_nothing_is_refused(ax):
     with pytest.raises(ArgumentError, match="select no request"):
         traffic().plot(start=1.0, ax=ax)
+
+
+def test_a_change_of_inputs_is_a_dot_with_an_arrow_to_when_it_is_known(ax):
+    changes = [(0.3005, "3", 1), (0.3012, "1", 1), (0.32, "2", 1)]
+    five = [Slave(f"{address}") for address in range(1, 6)]
+    run = simulate(five, until=0.303, inputs=changes[:2])
+    run.plot("phase == 'data_exchange'", start=0.3, stop=0.3029, ax=ax)
+    dots = [line.get_xydata()[0].tolist() for line in ax.lines if line.get_marker() == "o"]
+    assert dots == [[pytest.approx(300.5), 3], [pytest.approx(301.2), 1]]
+    known = 1e3 * (run.input_changes()["time_s"] + run.input_changes()["response_time_s"])
+    arrows = [text.xy for text in ax.texts if text.arrow_patch]
+    assert [x for x, _ in arrows] == pytest.approx(known.tolist())
+    # Each arrow ends where a response ends.
+    ends = [box.get_x() + box.get_width() for box in ax.patches if box.get_y() > 0]
+    for x, _ in arrows:
+        assert min(abs(np.array(ends) - x)) < 0.01

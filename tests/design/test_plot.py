@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from shipnet import datasets
 from shipnet.design.costs import quantities, tornado
-from shipnet.design.iolist import read_iolist
+from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.plant import Plant
 from shipnet.design.plot import plot_pareto
 from shipnet.errors import ArgumentError
@@ -99,3 +99,24 @@ def test_an_iolist_without_devices_is_refused(ax):
             bare.plot(option, ax)
     with pytest.raises(ArgumentError, match="option is 'CAN'; it must be one of 'home runs'"):
         VALVES.plot("CAN", ax)
+
+
+def test_a_cut_is_marked_with_the_points_that_it_loses(ax):
+    rows = [f"V{n},DI,{6 * n},{3 * (-1) ** n},4" for n in range(1, 13)]
+    deck = IoList.parse("\n".join(["tag,type,x,y,z", *rows]))
+    design = deck.plan("CAN", (0, 0, 4))
+    (cut,) = design.cables.query("kind == 'drop'")["run"].head(1)
+    both = [cut, design.cables.query("kind == 'trunk'")["run"].iloc[-1]]
+    for cables in ([cut], both):
+        ax.clear()
+        design.plot(ax, cables=cables)
+        bars, crosses = (line for line in ax.lines if line.get_label() in ("cut", "lost"))
+        lost = design.iolist.points.set_index("tag").loc[list(design.lost(cables=cables))]
+        places = pd.concat([design.devices.set_index("device"), deck.points.set_index("tag")])
+        for run, spot in zip(cables, bars.get_xydata(), strict=True):
+            ends = design.cables.set_index("run").loc[run, ["a", "b"]]
+            assert spot.tolist() == places.loc[ends, ["x_m", "y_m"]].mean().tolist()
+        assert np.array_equal(crosses.get_xydata(), lost[["x_m", "y_m"]])
+        assert ax.get_title() == f"CAN: {len(lost)} of 12 points lost"
+    with pytest.raises(ArgumentError, match="no cable 'x'"):
+        design.plot(ax, cables=["x"])

@@ -19,13 +19,19 @@ def test_a_surface_shows_the_decision_at_each_place(ax):
     (image,) = ax.images
     left, right, bottom, top = image.get_extent()
     assert (left, right, bottom, top) == (0, 160, 0, 10)
-    numbers, (bar,) = image.get_array(), [one for one in ax.figure.axes if one is not ax]
-    names = [label.get_text() for label in bar.get_yticklabels()]
+    numbers = image.get_array()
+    names = [text.get_text() for text in ax.texts]
     assert names == ["normal", "V2", "P2", "V1"]  # in the order of their priorities
+    for text, name in zip(ax.texts, names, strict=True):  # each name is within its region
+        x, y = text.xy
+        assert BASE.decide({**AT, "FP": x, "OP": y}).top == name
     rng = np.random.default_rng(1)
     for row, column in rng.integers(0, len(numbers), (300, 2)):
         x, y = column / (len(numbers) - 1) * 160, row / (len(numbers) - 1) * 10
-        assert names[int(numbers[row, column])] == BASE.decide({**AT, "FP": x, "OP": y}).top
+        decided = BASE.decide({**AT, "FP": x, "OP": y})
+        assert names[int(numbers[row, column])] == decided.top
+        strength = 1.0 if decided.top == NORMAL else decided.firing[decided.top]
+        assert image.get_alpha()[row, column] == pytest.approx(strength)
     assert ax.get_xlabel() == "oil pump pressure FP [bar]"
     assert ax.get_ylabel() == "operating pressure OP [bar]"
 
@@ -42,8 +48,27 @@ def test_a_surface_shows_the_strength_of_one_rule(ax):
 
 def test_a_surface_without_the_other_readings_is_undetermined(ax):
     BASE.plot_surface("FP", "OP", ax=ax)
-    names = [label.get_text() for label in ax.figure.axes[-1].get_yticklabels()]
-    assert names == [UNDETERMINED, "V1"]
+    assert [text.get_text() for text in ax.texts] == [UNDETERMINED, "V1"]
+
+
+def test_crisp_regions_do_not_fade(ax):
+    at = {"FP": 125, "OT": 50, "VPos": 50, "DVPos": 0}
+    BASE.plot_surface("MC", "OP", at, method="crisp", ax=ax)
+    (image,) = ax.images
+    assert set(np.unique(image.get_alpha())) == {1.0}
+    # The pressure gauge is faulty (G1) at exactly 0 A: a strip, whose name is beside it.
+    assert {text.get_text(): bool(text.arrow_patch) for text in ax.texts} == {
+        "normal": True,
+        "V2": False,
+        "V1": False,
+        "P1": False,
+        "G1": True,
+    }
+    # The printed rules: P1 is FP > 120 and MC > 2.5; V1 is FP > 120 and OP >= 2.5.
+    numbers = image.get_array().astype(int)
+    MC, OP = np.linspace(0, 6, numbers.shape[1]), np.linspace(0, 10, numbers.shape[0])
+    assert ((numbers == numbers[-1, -1]) == (MC > 2.5)).all()
+    assert ((numbers == numbers[-1, 5])[:, 5] == (OP >= 2.5)).all()
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.asi.modulation import Modulation
+from shipnet.asi.modulation import HALF_BIT, Modulation
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import Request
 from shipnet.asi.timing import Transaction
 from shipnet.asi.topologies import line
 from shipnet.line.cable import CABLES, Cable
+from shipnet.papers.icn2007 import MODULATIONS, levels_of, modulation_table
 from shipnet.papers.plot import panels
 from shipnet.papers.registry import drawing
 
@@ -80,4 +81,28 @@ def _attenuation(*, ax: Axes) -> Axes:
         ax.plot(f / 1e3, 100 * cable.attenuation(f), "C3" + look, label=name)
     ax.set(xlabel="frequency [kHz]", ylabel="loss [dB / 100 m]", xlim=(0, 800), ylim=(0, 0.6))
     style.legend(ax)
+    return ax
+
+
+def plot_modulations(ax: Axes) -> Axes:
+    """Draw the spectrum of the example request for each modulation at the same bit rate."""
+    f, bits = np.arange(0.5e3, 1e6, 1e3), REQUEST.bits
+    table = modulation_table()
+    for panel, name in zip(panels(ax, 5, sharex=True), ("APM", *MODULATIONS), strict=True):
+        if name == "APM":
+            level = Modulation(bits).spectrum(f)
+        else:
+            levels, x = levels_of(bits, name), f * HALF_BIT / 2
+            code = levels @ np.exp(-2j * np.pi * np.outer(np.arange(levels.size), x))
+            level = np.abs(np.sinc(x) * code)
+        panel.fill_between(f / 1e3, 100 * level**2 / (level**2).max())
+        panel.axvline(2e-3 / HALF_BIT, color="0.4", linestyle=":")
+        dc, high = 100 * table.loc[name]
+        words = f"{name}\nDC up to {dc:.0f} %\n{high:.1f} % above {2e-3 / HALF_BIT:.0f} kHz"
+        white = {"facecolor": "white", "edgecolor": "none", "pad": 1}
+        panel.text(990, 95, words, ha="right", va="top", bbox=white)
+        panel.set(xlim=(0, 1000), yticks=[0, 50, 100])
+        if name == "Manchester":  # the middle panel
+            panel.set_ylabel("power [% of the highest]")
+    panel.set_xlabel("frequency [kHz]")
     return ax

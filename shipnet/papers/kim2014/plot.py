@@ -148,6 +148,8 @@ def _client(*, page: Screen | None = None, ax: Axes, **window: str) -> Axes:
 
 
 _MARKS = ".o^sD"
+#: Dashes of curves that may cover each other.
+_DASHES: Any = ("-", "--", "-.", (0, (1, 2)), (2, (1, 4)))
 
 
 def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
@@ -168,7 +170,7 @@ def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axe
         time = np.arange(0.0, picture.seen.duration, 0.1)
         oldest = picture.seen.ages(time).max(axis=1)
         age = np.where(np.isfinite(oldest), oldest, np.nan)
-        ax.plot(time, age, f"C{row}", label=name, linewidth=5 - 0.8 * row, alpha=0.9)
+        ax.plot(time, age, color=f"C{row}", linestyle=_DASHES[row % len(_DASHES)], label=name)
     style.moment(ax, start, "the loop breaks")
     ax.set(xlabel="time [s]", ylabel="oldest position shown [s]", ylim=(0, None))
     ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
