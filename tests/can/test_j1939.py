@@ -319,6 +319,13 @@ def test_every_message_of_the_boat_is_put_together(name):
     assert len(messages) == {"s": 44, "b": 7382}[name[len("sigrok_nmea2000_")]]
 
 
+@pytest.mark.parametrize(("span", "verdict"), [(0.0, "not seen"), (100.0, "missing")])
+def test_a_log_without_a_whole_message_is_compared(span, verdict):
+    stray = cut(noise(20), "BAM", DM1)[1:2] * 2
+    found = can.compare(MessageSet([message(20, "BAM", DM1, period=1.0)]), log_of(stray, [0, span]))
+    assert found.table()["verdict"].tolist() == [verdict]
+
+
 def test_tables_show_the_parts_of_long_identifiers():
     messages = MessageSet([message(43, "fast packet"), Message("s", 3, 8, 1.0)])
     parts = ["priority", "pgn", "source", "destination"]
