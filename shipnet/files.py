@@ -47,6 +47,18 @@ def read_bytes(path: str | PathLike[str], most: int = LARGEST_TABLE) -> bytes:
 
 
 @contextmanager
+def as_file(name: str, content: bytes, file: str = "file.csv") -> Iterator[Path]:
+    """Yield the path of a temporary file with this content; errors in it state `name`."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, file)
+        path.write_bytes(content)
+        try:
+            yield path
+        except InputError as mistake:
+            raise InputError(name, *mistake.faults, more=mistake.more) from None
+
+
+@contextmanager
 def complete(path: str) -> Iterator[str]:
     """Yield a path for a file or folder that replaces `path` when it is complete.
 

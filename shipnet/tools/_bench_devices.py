@@ -18,8 +18,9 @@ from shipnet.asi.slave import slave_key
 from shipnet.asi.timing import ADDRESSES
 from shipnet.asi.topologies import evenly_spaced
 from shipnet.errors import ArgumentError, InputError
+from shipnet.files import as_file
 from shipnet.line.cable import Cable
-from shipnet.tools._view import Loaded, read_file
+from shipnet.tools._view import Loaded
 
 #: Cables to choose from. The extremes combine limits from a data sheet (Lapp, UNITRONIC BUS ASI:
 #: 0.5 to 0.75 uH/m, at most 80 pF/m) with the resistance of the nominal cable.
@@ -87,7 +88,8 @@ def read_devices(texts: Sequence[str]) -> list[Device]:
 
 def open_plan(inputs: Any, name: str, content: bytes) -> Loaded:
     """Return the inputs with the plan of a file, and what the bench draws differently."""
-    plan = read_file(name, content, read_plan)
+    with as_file(name, content) as path:
+        plan = read_plan(path)
     try:
         drawn = replace(inputs, sender=1, **_fields(plan))
     except ArgumentError as problem:
