@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -260,9 +260,9 @@ class Scan:
         return self._longest(dead=True)
 
     def _longest(self, *, dead: bool) -> float:
-        times = Counter[tuple[str, int]]()
+        times: dict[tuple[str, int], float] = defaultdict(float)
         for row in self.rows:
-            times[row.unit] += row.times[dead]  # type: ignore[assignment]
+            times[row.unit] += row.times[dead]
         return max(times.values())
 
     @property
