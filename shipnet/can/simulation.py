@@ -214,11 +214,10 @@ class Run:
         was bus off begins at 0 again.
         """
         check_choice("sender", sender, self._columns.senders)
-        own = self._events["message"].isin(
-            [one.name for one in self.system if one.sender == sender]
-        )
+        names = [one.name for one in self.system if (one.sender or one.name) == sender]
+        of_sender = self._events["message"].isin(names)
         failed = self.errors().query("sender == @sender")[["start_ms", "free_ms", "tec"]]
-        sent = self._events[own & (self._events["outcome"] == "sent")][["start_ms", "end_ms"]]
+        sent = self._events[of_sender & (self._events["outcome"] == "sent")][["start_ms", "end_ms"]]
         frames = [*failed.to_numpy().tolist(), *sent.to_numpy().tolist()]
         times, counts = [0.0], [0]
         for start, end, *tec in sorted(frames):
