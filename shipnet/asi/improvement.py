@@ -66,7 +66,7 @@ class _Search:
         self.limits = limits
         # No added device changes the voltage of a supply.
         self.limits.loc["supply_voltage", ["low", "high"]] = float("nan")
-        self.known: dict[str, str] = {}
+        self.rule_of: dict[str, str] = {}
         self.tries = 0
 
     def devices(self, plan: _Plan, most: int) -> tuple[_Plan, _Added] | None:
@@ -89,8 +89,8 @@ class _Search:
         divisible = most and len(segment.path) < self.limits["high"][series]
         for divided, repeater in _divisions(plan, segment) if divisible else ():
             first: _Added = {repeater: rule}
-            if found := self.devices(_noted(divided, first), most - 1):
-                return found[0], first | found[1]
+            if met := self.devices(_noted(divided, first), most - 1):
+                return met[0], first | met[1]
         return None
 
     def repeaters_for(self, segment: Segment) -> int:
@@ -113,10 +113,10 @@ class _Search:
     def violated(self, segment: Segment, terminated: bool) -> str:
         """Return the first rule that a segment violates, or ""."""
         key = repr((segment, terminated))
-        if key not in self.known and self.tries <= _TRIES:
+        if key not in self.rule_of and self.tries <= _TRIES:
             self.tries += 1
-            self.known[key] = first_violated(segment, terminated, self.limits)
-        return self.known.get(key, "not tried")
+            self.rule_of[key] = first_violated(segment, terminated, self.limits)
+        return self.rule_of.get(key, "not tried")
 
 
 def _noted(plan: _Plan, added: _Added) -> _Plan:
@@ -142,13 +142,11 @@ def _divisions(plan: _Plan, segment: Segment) -> Iterator[tuple[_Plan, Repeater]
                     run: replace(run, a=out) if run.a == node else replace(run, b=out)
                     for run in moved
                 }
+                cables = [new.get(run, run) for run in plan.cables]
                 notes = {note_key(new[run]): plan.notes.get(note_key(run), "") for run in new}
                 repeater = Repeater(node, out)
-                cables = [new.get(run, run) for run in plan.cables]
-                repeaters = [*plan.repeaters, repeater]
-                notes = {**plan.notes, **notes}
+                more = {"repeaters": [*plan.repeaters, repeater], "notes": {**plan.notes, **notes}}
                 try:
-                    divided = replace(plan, cables=cables, repeaters=repeaters, notes=notes)
+                    yield replace(plan, cables=cables, **more), repeater
                 except ArgumentError:  # one repeater does not divide a ring
                     continue
-                yield divided, repeater

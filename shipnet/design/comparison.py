@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
 from os import PathLike
@@ -383,7 +383,8 @@ class Comparison:
 
     def add(self, *designs: Design) -> Comparison:
         """Return a comparison that also contains further designs of the same points."""
-        return compared([*self.designs.values(), *designs], self.rules, self.rng, self.remarks)
+        every = [*self.designs.values(), *designs]
+        return replace(compared(every, self.rules, self.rng, self.remarks), previous=self.previous)
 
     def diff(self, other: Comparison) -> pd.DataFrame:
         """Return what changes from this comparison to an `other`, one row per common design.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -193,11 +193,11 @@ def best_order(rows: Sequence[Polled]) -> Order:
     If rows cannot be polled as often as wanted, another sequence may be better by some 15 %.
     """
     periods = [row.period for row in rows]
-    known = [period for period in periods if period < inf] or [1.0]
+    wanted = [period for period in periods if period < inf] or [1.0]
     times = [row.number * row.times[row.dead] for row in rows]
     options = {(1,) * len(rows)}
-    for base in min(known) / 2 ** (np.arange(16) / 16):
-        fit = [floor(log2(min(period, max(known)) / base) + 1e-9) for period in periods]
+    for base in min(wanted) / 2 ** (np.arange(16) / 16):
+        fit = [floor(log2(min(period, max(wanted)) / base) + 1e-9) for period in periods]
         options.add(tuple(2 ** min(one, 6) for one in fit))
     orders = [spread(times, every) for every in sorted(options)]
     return min(orders, key=lambda one: max(map(truediv, one[2], periods)))
@@ -426,13 +426,12 @@ def _requests(function: int, first: int, count: int) -> Iterator[Request]:
 def _read_rows(path: str | PathLike[str], default: Poll) -> tuple[list[Polled], tuple[str, ...]]:
     """Return the rows of a table, whose empty cells mean the values of `default`, and remarks."""
     table, remarks = read_devices(path)
-    names, rows, faults = [one["device"] for one in table], list[Polled](), []
+    blocks, rows, faults = Counter(one["device"] for one in table), list[Polled](), []
     for one in table:
-        name = one["device"]
-        if names.count(name) > 1:
-            name += f" FC{one['function']:d} {one['register']}"
-        options = {"timeout": one["timeout"], "retries": one["retries"], "processing": one["delay"]}
-        options = {key: value for key, value in options.items() if value is not None}
+        name, block = one["device"], f" FC{one['function']:d} {one['register']}"
+        name += block if blocks[name] > 1 else ""
+        columns = {"timeout": "timeout", "retries": "retries", "processing": "delay"}
+        options = {key: one[of] for key, of in columns.items() if one[of] is not None}
         options["line"] = TcpLink(default.line.bit_rate) if one["host"] else default.line
         requests = _requests(one["function"], one["register"], one["registers"])
         try:
