@@ -426,10 +426,14 @@ def _requests(function: int, first: int, count: int) -> Iterator[Request]:
 def _read_rows(path: str | PathLike[str], default: Poll) -> tuple[list[Polled], tuple[str, ...]]:
     """Return the rows of a table, whose empty cells mean the values of `default`, and remarks."""
     table, remarks = read_devices(path)
-    blocks, rows, faults = Counter(one["device"] for one in table), list[Polled](), []
+    blocks = Counter((one["device"], one["host"], one["address"]) for one in table)
+    units = Counter(device for device, *_ in blocks)
+    rows, faults = list[Polled](), []
     for one in table:
-        name, block = one["device"], f" FC{one['function']:d} {one['register']}"
-        name += block if blocks[name] > 1 else ""
+        name, unit = one["device"], (one["host"], one["address"])
+        is_block, is_namesake = blocks[name, *unit] > 1, units[name] > 1
+        name += f" {one['host']} {one['address']}".replace("  ", " ") if is_namesake else ""
+        name += f" FC{one['function']:d} {one['register']}" if is_block else ""
         columns = {"timeout": "timeout", "retries": "retries", "processing": "delay"}
         options = {key: one[of] for key, of in columns.items() if one[of] is not None}
         options["line"] = TcpLink(default.line.bit_rate) if one["host"] else default.line
@@ -439,7 +443,6 @@ def _read_rows(path: str | PathLike[str], default: Poll) -> tuple[list[Polled], 
         except ArgumentError as error:
             faults.append(f"row {one['row']}: {error}")
             continue
-        unit = (one["host"], one["address"])
         period = inf if one["dead"] else one["period"] or inf
         rows.append(Polled(polls, bool(one["dead"]), 1, name, unit, period))
     if faults:

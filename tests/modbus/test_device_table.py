@@ -169,6 +169,13 @@ def test_an_order_is_what_its_table_says():
     assert max(best_order(rows_of([0.01] * 3, [0.02, 1000.0, 1000.0]))[0]) == 64
 
 
+def test_namesakes_are_told_apart_by_address_and_blocks_by_register(table):
+    rows = ["fan,1,100", "fan,2,100", "fan,2,200", "pump,3,0", "pump,3,9"]
+    text = "\n".join(["device,address,register,registers", *(f"{row},1" for row in rows)])
+    names = ["fan 1", "fan 2 FC3 100", "fan 2 FC3 200", "pump FC3 0", "pump FC3 9"]
+    assert modbus.scan(table(text)).slaves().index.tolist() == names
+
+
 def test_dead_devices_and_those_without_a_period_are_not_judged(table):
     one = modbus.scan(table(TITLES + "a,1,0,1,,10,,,yes,,\nb,2,0,1,,,,,,,"))
     assert one.ok is None
