@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations, count
-from math import ceil
+from math import ceil, inf
 from typing import Any, NamedTuple, TypeAlias
 
 from shipnet.asi.plan_file import note_key
@@ -39,11 +39,12 @@ class Improvement(NamedTuple):
 
 def improved(plan: _Plan, limits: pd.DataFrame | None) -> Improvement:
     """Return the improvement with the fewest devices; it adds nothing if none meets every rule."""
+    before = plan.check(limits=limits).worst()
     search = _Search(rule_limits() if limits is None else limits.copy())
     # Each segment needs one supply, so the fewest repeaters are also the fewest devices.
     tried = (search.devices(plan, most) for most in range(_REPEATERS + 1))
     better, added = next((one for one in tried if one), (plan, {}))
-    before, after = (one.check(limits=limits).worst() for one in (plan, better))
+    after = better.check(limits=limits).worst()
     open_before, open_after = (one.index[one["verdict"] != "met"] for one in (before, after))
     verdict = f"add {', '.join(map(str, added))}" if added else "no device to add"
     if search.tries > _TRIES and not added:
@@ -63,7 +64,7 @@ class _Search:
     """Depth-first search: a repeater divides the first segment that violates a rule."""
 
     def __init__(self, limits: pd.DataFrame) -> None:
-        self.limits = limits
+        self.limits = limits.assign(high=limits["high"].astype(float).fillna(inf))
         # No added device changes the voltage of a supply.
         self.limits.loc["supply_voltage", ["low", "high"]] = float("nan")
         self.rule_of: dict[str, str] = {}
@@ -97,7 +98,8 @@ class _Search:
         """Return the smallest number of repeaters that a segment's cables and supplies need."""
         rules = "cable_length", "cable_length_terminated"
         longest = float(self.limits["high"][rules[bool(segment.terminators)]])
-        return max(ceil(segment.length / longest - 1e-9), len(segment.supplies), 1) - 1
+        pieces = ceil(segment.length / max(longest, 1e-3) - 1e-9)  # no cable is shorter than 1 cm
+        return max(pieces, len(segment.supplies), 1) - 1
 
     def supplied(self, segment: Segment, terminated: bool) -> tuple[Supply | None, str]:
         """Return the supply that a segment lacks, and a rule that it violates nevertheless."""
