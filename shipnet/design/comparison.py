@@ -674,7 +674,7 @@ def _difference(old: Comparison, new: Comparison, name: str) -> dict[str, Any]:
             row[f"{what}s_{re.sub('[ -]', '_', kind)}"] = len(keys)
             if len(keys):
                 plural = "s" if len(keys) > 1 else ""
-                words.append(f"{len(keys)} {what}{plural} {kind} ({some(keys, 3)})")
+                words.append(f"{len(keys)} {what}{plural} {kind} ({some(list(keys), 3)})")
     units = {"cable_length_km": "km of cable", "labour_h": "h", "total_cost_eur": "EUR"}
     for figure, unit in units.items():
         row[figure] = more = new.quantities[name][figure] - old.quantities[name][figure]

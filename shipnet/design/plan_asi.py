@@ -159,11 +159,11 @@ def _kept_modules(
     for n in sorted({*index.values()}.difference(*groups.values())):
         kind, digital = kinds[n], kinds[n] in ("DI", "DO")
         for members in groups.values():
-            fits = {*kinds[members]} <= ({"DI", "DO"} if digital else {kind})
-            fits &= digital or len(members) < min(channels[[n, *members]])
-            fits &= np.count_nonzero(kinds[members] == kind) < room[kind]
+            alike = {*kinds[members]} <= ({"DI", "DO"} if digital else {kind})
+            fits = digital or len(members) < min(channels[[n, *members]])
+            free = np.count_nonzero(kinds[members] == kind) < room[kind]
             away = draft.site.route(draft.places[rows[members]], draft.places[rows[n]])
-            if fits and away.max() <= limits.reach:
+            if alike and fits and free and away.max() <= limits.reach:
                 members.append(n)
                 break
     return groups

@@ -175,7 +175,7 @@ def _trunk(plan: asi.Plan) -> tuple[Any, list[str], bool]:
     joints = nx.Graph([(one.a, one.b) for one in plan.repeaters])
     joints.add_weighted_edges_from(((r.a, r.b, float(r.length)) for r in plan.cables), "length")
     slaves = Counter(slave.node for slave in plan.slaves)
-    others = [*plan.masters, *plan.supplies, *plan.terminators, *plan.repeaters]
+    others: list[Any] = [*plan.masters, *plan.supplies, *plan.terminators, *plan.repeaters]
     taken = {node for one in others for node in nodes_of(one)}
     spurs = {n for n in joints if joints.degree[n] == 1 and slaves[n] == 1 and n not in taken}
     trunk = joints.copy()
