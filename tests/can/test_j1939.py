@@ -442,6 +442,20 @@ def test_a_simulation_counts_messages_and_sends_frames():
     assert run.utilisation().worst_response == pytest.approx(0.1 + 7 * 640e-6)
 
 
+@pytest.mark.parametrize(("transport", "size"), CASES)
+def test_the_log_of_a_simulation_has_the_frames_of_its_messages(transport, size):
+    plan = MessageSet([message(size, transport, 0x18EF0501, period=20.0), Message("s", 3, 2, 5.0)])
+    run = can.simulate(plan, 250e3, until=59.0)
+    log = run.log()
+    sent = log.arbitration_id[log.extended].tolist()
+    assert sent == 3 * [number for number, _ in cut(bytes(size), transport, 0x18EF0501)]
+    messages, faults = whole(log, fast=[0xEF00] if transport == "fast packet" else [])
+    to = TO_ALL if transport == "BAM" else 5
+    assert (messages, faults) == (3 * [(0xEF00, 1, to, bytes(size))], ())
+    if transport:
+        assert can.compare(plan, log).ok
+
+
 # Gateways
 
 
