@@ -163,8 +163,8 @@ class Polled(NamedTuple):
         return sum(p.time for p in self.polls), sum(p.timeout_time for p in self.polls)
 
 
-#: An order of rows: that each is polled in one of so many cycles, in which first, and the longest
-#: time between two of its polls [s].
+#: An order of rows. For each row: the number of cycles from one poll to the next, the first cycle,
+#: and the longest time between two polls [s].
 Order: TypeAlias = tuple[list[int], list[int], list[float]]
 
 
@@ -320,8 +320,8 @@ class Scan:
 
         Columns: ``address``, ``host``, ``time_ms`` if it answers, ``dead_adds_ms`` (added to the
         scan if it is dead), ``age_best_ms`` and ``age_worst_ms`` of its values, just after and just
-        before they are updated, ``wanted_ms``, and the best order: ``every`` so many cycles from
-        cycle ``first``, the longest ``interval_ms`` there, and whether the wanted one is ``met``.
+        before they are updated, ``wanted_ms``, and the best order: the number of cycles per poll
+        (``every``), the ``first`` cycle, the longest ``interval_ms``, and whether it is ``met``.
         """
         order, rows = best_order(self.rows), []
         for row, *place in zip(self.rows, *order, strict=True):
