@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike, fstat
 from pathlib import Path
+from shutil import copymode
 from tempfile import TemporaryDirectory
 from typing import IO
 
@@ -76,6 +77,8 @@ def complete(path: str) -> Iterator[str]:
             for part in filter(Path.is_file, [new, *new.rglob("*")]):
                 file = target / part.relative_to(new)
                 file.parent.mkdir(parents=True, exist_ok=True)
+                if file.exists():
+                    copymode(file, part)
                 part.replace(file)
     except OSError as error:
         raise InputError(path, f"cannot be written: {error.strerror or error}") from None
