@@ -322,10 +322,13 @@ class Page(widgets.VBox):  # type: ignore[misc]
             upload.value = ()
             for file in files:
                 name, content = file["name"], bytes(file["content"])
-                self._change(lambda n=name, data=content: one.take(self.inputs, n, data), name)
+                self._change(partial(self._take, one, name, content), name)
 
         upload.observe(take, "value")
         return _classed(upload, "shipnet-upload")
+
+    def _take(self, one: Upload, name: str, content: bytes) -> Any:
+        return one.take(self.inputs, name, content)
 
     def _read(self, _: object, name: str, content: bytes) -> Any:
         return self._opened(_view.read_state(content, self.tool, self._kind, name))
