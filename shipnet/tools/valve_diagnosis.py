@@ -24,7 +24,7 @@ from shipnet.files import as_file
 from shipnet.fuzzy.rules import Decision, RuleBase
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.lazy import pd
-from shipnet.tables import as_csv
+from shipnet.tables import as_csv, text_of
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Loaded, Measure, Preset, Upload, View, words
 
@@ -293,7 +293,7 @@ def _open_log(inputs: ValveDiagnosis, name: str, content: bytes) -> Loaded:
     """Return the inputs with the readings of a file, and what was not used or is missing."""
     with as_file(name, content, f"file{Path(name).suffix}") as path:
         log = read_log(path)
-    text = as_csv(log.round(6).reset_index()).decode("utf-8-sig")
+    text = text_of(as_csv(log.round(6).reset_index()))
     return Loaded(replace(inputs, log=text), [str(one) for one in log.attrs["remarks"]])
 
 
