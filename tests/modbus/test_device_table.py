@@ -290,6 +290,14 @@ def test_slaves_of_several_hosts_and_coils_of_7_are_refused(table):
     assert set(read_slaves(table(f"{titles}a,255,0,1,5,,"))) == {0}
 
 
+def test_two_values_of_a_register_are_refused(table):
+    text = "address,register,registers,function,values\n1,10,4,3,1 2 3 4\n1,12,2,16,{}\n1,8,4,3,"
+    device = read_slaves(table(text.format("3 4")))[1].device
+    assert device.read("holding_registers", 8, 6, 0.0) == [0, 0, 1, 2, 3, 4]
+    with pytest.raises(InputError, match=r"row 3: address 12 has another value in an earlier row"):
+        read_slaves(table(text.format("9")))
+
+
 def test_the_command_prints_the_slaves_and_their_cases(table, tmp_path, capsys):
     path = str(table(TITLES + "\n".join(ROWS)))
     assert main(["modbus", path, "-o", str(tmp_path / "ages.png")]) == 1
