@@ -19,7 +19,8 @@ from shipnet.tables import Remark, read_sheet
 
 #: Titles other than those of variables.
 _TITLES = {
-    "time": "time timestamp t datetime zeit uhrzeit zeitstempel datumuhrzeit 시간 시각 일시",
+    "time": "time timestamp t datetime zeit uhrzeit zeitstempel datumuhrzeit datumundzeit datumzeit "
+    "시간 시각 일시",
     "date": "date datum 날짜 일자",
     "valve": "valve ventil 밸브",
     "note": "note notes remark remarks comment bemerkung no nr 비고 번호",
@@ -43,12 +44,12 @@ class _Log(Cells):
     hint = "rename them, or use them as labels of the variables in the rules"
 
     def column_faults(self) -> list[str]:
-        """Return that the column of times is missing."""
-        return [] if "time" in self.places else ["no column time"]
+        """Return that the column of times is missing; a column of dates may contain them."""
+        return [] if {"time", "date"} & self.places.keys() else ["no column time"]
 
     def is_entry(self, cell: Callable[[str], str]) -> bool:
         """Return whether a row has a time."""
-        return any(map(str.isdigit, cell("time")))
+        return any(map(str.isdigit, cell("time") or cell("date")))
 
     def time(self) -> Floats:
         """Return the times [s]; times of day are counted from the first."""
@@ -62,9 +63,10 @@ class _Log(Cells):
         else:
             seconds = self.numbers("time", -1e12, 1e12)
         legal = "a time such as 12:00:01.5, 2026-11-30 12:00:01 or 30.11.2026 12:00:01"
-        self.wrong(np.flatnonzero(np.isnan(seconds)).tolist(), "time", legal)
+        column = "time" if "time" in self.places else "date"
+        self.wrong(np.flatnonzero(np.isnan(seconds)).tolist(), column, legal)
         earlier = np.flatnonzero(np.diff(seconds) < 0) + 1
-        self.wrong(earlier.tolist(), "time", "a time that is not before that of the row above")
+        self.wrong(earlier.tolist(), column, "a time that is not before that of the row above")
         return seconds
 
 

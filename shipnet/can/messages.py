@@ -188,12 +188,12 @@ _TITLES = {
     "deadline_ms": "deadline maxlatency latency maxdelay maxage",
     "jitter_ms": "jitter releasejitter queuingjitter queueingjitter",
     "offset_ms": "offset startoffset startdelay phase",
-    "extended": "extended ext extendedid 29bit ide format frameformat idtype",
+    "extended": "extended ext extendedid 29bit stdext extstd ide format frameformat idtype",
     "sender": "sender node sendernode transmitter txnode ecu source station",
     "bits": "bits framelength framebits",
     "transport": "transport transportprotocol",
     "note": "note notes remark remarks comment comments description no nr item pos receiver "
-    "receivers receivingnode rx rxnode direction dir signal signals content contents system type "
+    "receivers receivingnode rx rxnode direction dir signal signals content contents system "
     "sendtype messagetype bus channel network priority prio pgn revision rev status",
 }
 

@@ -88,6 +88,14 @@ def test_times_of_several_forms_are_read(tmp_path, first, second, step):
     assert log.index[1] - log.index[0] == step
 
 
+@pytest.mark.parametrize("title", ["Datum", "Datum und Zeit"])
+def test_a_column_of_dates_may_contain_the_times(tmp_path, title):
+    rows = "30.11.2026 23:59:59;90\n01.12.2026 00:00:01;91\n"
+    assert read(tmp_path, f"{title};FP\n{rows}").index.tolist() == [0, 2]
+    (fault,) = refused(tmp_path, "Datum;FP\n30.11.2026;90\n")
+    assert "column Datum (A): '30.11.2026'; expected a time such as" in fault
+
+
 def test_date_and_time_may_be_two_columns_also_in_a_workbook(tmp_path):
     log = read(tmp_path, "Datum;Uhrzeit;FP\n30.11.2026;23:59:59;90\n01.12.2026;00:00:00;91\n")
     assert log.index.tolist() == [0, 1]
