@@ -19,8 +19,8 @@ from shipnet.tables import Remark, read_sheet
 
 #: Titles other than those of variables.
 _TITLES = {
-    "time": "time timestamp t datetime zeit uhrzeit zeitstempel datumuhrzeit datumundzeit datumzeit "
-    "시간 시각 일시",
+    "time": "time timestamp t datetime zeit uhrzeit zeitstempel datumuhrzeit datumundzeit datumzeit"
+    " 시간 시각 일시",
     "date": "date datum 날짜 일자",
     "valve": "valve ventil 밸브",
     "note": "note notes remark remarks comment bemerkung no nr 비고 번호",

@@ -306,6 +306,8 @@ class LogComparison:
 
     _table: pd.DataFrame
     _step: float
+    #: Number of unknown messages with the PGN of a planned one.
+    _alike: int = 0
 
     def table(self) -> pd.DataFrame:
         """Return one row per message, then one per unplanned identifier, indexed by ``name``.
@@ -328,9 +330,9 @@ class LogComparison:
         counts = Counter(word for words in verdicts for word in words.split(", "))
         planned = len(verdicts) - counts["unknown"]
         odd = [f"{counts[word]} {word}" for word in _WORDS if counts[word]]
-        return "; ".join(
-            [f"{planned} messages, {', '.join(odd) or 'all as planned'}", *coarse(self._step)]
-        )
+        hint = f"{self._alike} unknown have the PGN of a planned message: compare by PGN (--pgn)"
+        parts = [f"{planned} messages, {', '.join(odd) or 'all as planned'}", *coarse(self._step)]
+        return "; ".join(parts + [hint] * bool(self._alike))
 
     def __repr__(self) -> str:
         return f"LogComparison({self.verdict})"
@@ -436,6 +438,9 @@ def compare(
     for key, message in planned.items():
         if message not in sources:
             sources[message].append(key)
+    numbers = {J1939Id.of(one.arbitration_id).pgn for one in plan if one.extended}
+    unknown = (J1939Id.of(key >> 1) for key in sources[None] if key & 1)
+    alike = sum(one.pgn in numbers for one in unknown)
     rows: list[tuple[Any, ...]] = []
     for message, key in ((one, key) for one in (*plan, None) for key in sources[one]):
         chosen = slice(*np.searchsorted(keys, [key, key + 1]))
@@ -453,7 +458,7 @@ def compare(
         rows.append((name, number, len(times[chosen]), *spans, ", ".join(odd) or "as planned"))
     columns = ["name", "arbitration_id", "frames", "period_ms", "shortest_ms", "mean_ms"]
     table = pd.DataFrame(rows, columns=[*columns, "longest_ms", "verdict"])
-    return LogComparison(table.set_index("name").round(6), frames.step)
+    return LogComparison(table.set_index("name").round(6), frames.step, alike)
 
 
 def _differences(

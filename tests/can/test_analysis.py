@@ -543,7 +543,10 @@ def test_a_j1939_database_matches_a_log_by_pgn(tmp_path):
     slower = can.read_messages(tmp_path / "j1939.dbc").replace("TSC1", period=0.2)
     assert can.compare(slower, log).table().loc["TSC1", "verdict"] == "faster"
     plain = can.compare(tmp_path / "plain.dbc", log)
-    assert plain.verdict == "3 messages, 3 missing, 4 unknown"
+    assert plain.verdict == (
+        "3 messages, 3 missing, 4 unknown; "
+        "3 unknown have the PGN of a planned message: compare by PGN (--pgn)"
+    )
     # A source that the plan names is not taken for another one.
     two = can.MessageSet(
         can.Message(f"E{k}", 0x0CF00400 + k, 8, period, extended=True)

@@ -565,6 +565,14 @@ def test_what_is_left_out_of_a_list_or_not_used_is_said(tmp_path):
     assert MessageSet(messages).remarks == example().remarks == ()
 
 
+def test_a_column_of_frame_types_is_read_or_named(tmp_path):
+    path = tmp_path / "list.csv"
+    path.write_text("name;id;Std/Ext;dlc;period [ms]\nA;0x123;Ext;8;10\n")
+    assert read_messages(path)["A"].extended
+    path.write_text("name;id;Type;dlc;period [ms]\nA;0x123;Ext;8;10\n")
+    assert read_messages(path).remarks == ("not used: Type",)
+
+
 @pytest.mark.parametrize(
     ("title", "cell", "message"),
     [
@@ -575,14 +583,6 @@ def test_what_is_left_out_of_a_list_or_not_used_is_said(tmp_path):
         ("Cycle [ms]", "1.000", "'1.000'; expected a number 0.001..1e+08 ms; it may be 1 or 1000"),
     ],
 )
-def test_a_column_of_frame_types_is_read_or_named(tmp_path):
-    path = tmp_path / "list.csv"
-    path.write_text("name;id;Std/Ext;dlc;period [ms]\nA;0x123;Ext;8;10\n")
-    assert read_messages(path)["A"].extended
-    path.write_text("name;id;Type;dlc;period [ms]\nA;0x123;Ext;8;10\n")
-    assert read_messages(path).remarks == ("not used: Type",)
-
-
 def test_a_time_without_a_clear_unit_or_number_is_refused(tmp_path, title, cell, message):
     with pytest.raises(InputError) as caught:
         load(tmp_path, f"name;id;dlc;{title}\nA;1;8;{cell}\n")
