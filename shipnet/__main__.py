@@ -13,15 +13,14 @@ from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
 from shutil import copyfile
-from tempfile import TemporaryDirectory
 from textwrap import shorten
 from typing import Any, NoReturn, TextIO
 
 from shipnet.errors import ArgumentError, InputError, load_extra
-from shipnet.files import complete
+from shipnet.files import as_file, complete
 from shipnet.lazy import pd
 from shipnet.results import FORMS, Answer, check_output, encodable, printable
-from shipnet.tables import as_csv
+from shipnet.tables import as_csv, save_suffix
 
 #: Columns of the transactions on the terminal: title, name, width and digits.
 _TRANSACTION = (
@@ -175,8 +174,10 @@ def _check(arguments: argparse.Namespace) -> Answer:
         result, numbers, str(result), findings=result.table(), rules=rules, reading=reading
     )
     if arguments.improve:
+        save_suffix(arguments.improve, ".csv", ".xlsx")
         better = plan.improve()
-        better.plan.save(arguments.improve)
+        with complete(arguments.improve) as new:
+            better.plan.save(new)
         tables = {**answer.tables, "proposal": better.added}
         text = f"{answer.text}\n\nproposal: {better.verdict}\nwritten: {arguments.improve}"
         answer = answer._replace(text=text, tables=tables)
@@ -510,7 +511,7 @@ def _frame(arguments: argparse.Namespace) -> None:
         fields = pd.DataFrame(frame.fields)[["name", "value", "length"]]
         lines = [frame.bits, f"{frame}, {frame.length} bits", fields.to_string(index=False)]
     else:
-        if encoded and len(numbers) < 3:
+        if encoded and (len(numbers) < 3 or ("READ" in call and len(numbers) > 3)):
             raise ArgumentError(f"{first} requires a unit id, an address, and a quantity or values")
         if encoded:
             unit, address, *values = numbers
@@ -652,14 +653,9 @@ def _opened(name: str | None) -> Iterator[str | None]:
         yield name
         return
     content = sys.stdin.buffer.read()
-    with TemporaryDirectory() as folder:
-        workbook = content.startswith(b"PK")
-        file = Path(folder) / f"standard input{'.xlsx' if workbook else '.csv'}"
-        file.write_bytes(content)
-        try:
-            yield str(file)
-        except InputError as mistake:
-            raise InputError("standard input", *mistake.faults, more=mistake.more) from None
+    suffix = ".xlsx" if content.startswith(b"PK") else ".csv"
+    with as_file("standard input", content, f"standard input{suffix}") as file:
+        yield str(file)
 
 
 def _run(arguments: argparse.Namespace) -> int:

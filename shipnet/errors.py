@@ -238,6 +238,12 @@ def listed(numbers: Iterable[int], runs_shown: int | None = _RUNS) -> str:
     return f"{'s' if sum(map(len, runs)) > 1 else ''} {_joined(parts)}"
 
 
+def some(names: Sequence[str], shown: int) -> str:
+    """Return the first names as text with commas, and the number of the others."""
+    more = f" and {len(names) - shown} more" if len(names) > shown else ""
+    return ", ".join(names[:shown]) + more
+
+
 _NAMES = {0: "ok"} | {kind.code: kind.__name__ for kind in FrameError.__subclasses__()}
 _NAMES[ArgumentError.code] = ArgumentError.__name__
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike, fstat
 from pathlib import Path
+from shutil import copymode
 from tempfile import TemporaryDirectory
 from typing import IO
 
@@ -47,6 +48,18 @@ def read_bytes(path: str | PathLike[str], most: int = LARGEST_TABLE) -> bytes:
 
 
 @contextmanager
+def as_file(name: str, content: bytes, file: str = "file.csv") -> Iterator[Path]:
+    """Yield the path of a temporary file with this content; errors in it state `name`."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, file)
+        path.write_bytes(content)
+        try:
+            yield path
+        except InputError as mistake:
+            raise InputError(name, *mistake.faults, more=mistake.more) from None
+
+
+@contextmanager
 def complete(path: str) -> Iterator[str]:
     """Yield a path for a file or folder that replaces `path` when it is complete.
 
@@ -64,6 +77,8 @@ def complete(path: str) -> Iterator[str]:
             for part in filter(Path.is_file, [new, *new.rglob("*")]):
                 file = target / part.relative_to(new)
                 file.parent.mkdir(parents=True, exist_ok=True)
+                if file.exists():
+                    copymode(file, part)
                 part.replace(file)
     except OSError as error:
         raise InputError(path, f"cannot be written: {error.strerror or error}") from None

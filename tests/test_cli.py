@@ -531,6 +531,10 @@ def test_a_frame_is_encoded_and_decoded(words, shown, capsys):
             "modbus read-coils 1",
             "read-coils requires a unit id, an address, and a quantity or values",
         ),
+        (
+            "modbus read-coils 1 2 3 4",
+            "read-coils requires a unit id, an address, and a quantity or values",
+        ),
         ("modbus 11 0", "WORD is '110'; it must be a call, or bytes such as 11 03 00"),
         ("modbus 11 03", "the RTU frame has 2 bytes; it must have 4..256"),
     ],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations, count
-from math import ceil
+from math import ceil, inf
 from typing import Any, NamedTuple, TypeAlias
 
 from shipnet.asi.plan_file import note_key
@@ -39,11 +39,12 @@ class Improvement(NamedTuple):
 
 def improved(plan: _Plan, limits: pd.DataFrame | None) -> Improvement:
     """Return the improvement with the fewest devices; it adds nothing if none meets every rule."""
+    before = plan.check(limits=limits).worst()
     search = _Search(rule_limits() if limits is None else limits.copy())
     # Each segment needs one supply, so the fewest repeaters are also the fewest devices.
     tried = (search.devices(plan, most) for most in range(_REPEATERS + 1))
     better, added = next((one for one in tried if one), (plan, {}))
-    before, after = (one.check(limits=limits).worst() for one in (plan, better))
+    after = better.check(limits=limits).worst()
     open_before, open_after = (one.index[one["verdict"] != "met"] for one in (before, after))
     verdict = f"add {', '.join(map(str, added))}" if added else "no device to add"
     if search.tries > _TRIES and not added:
@@ -63,10 +64,10 @@ class _Search:
     """Depth-first search: a repeater divides the first segment that violates a rule."""
 
     def __init__(self, limits: pd.DataFrame) -> None:
-        self.limits = limits
+        self.limits = limits.assign(high=limits["high"].astype(float).fillna(inf))
         # No added device changes the voltage of a supply.
         self.limits.loc["supply_voltage", ["low", "high"]] = float("nan")
-        self.known: dict[str, str] = {}
+        self.rule_of: dict[str, str] = {}
         self.tries = 0
 
     def devices(self, plan: _Plan, most: int) -> tuple[_Plan, _Added] | None:
@@ -89,15 +90,16 @@ class _Search:
         divisible = most and len(segment.path) < self.limits["high"][series]
         for divided, repeater in _divisions(plan, segment) if divisible else ():
             first: _Added = {repeater: rule}
-            if found := self.devices(_noted(divided, first), most - 1):
-                return found[0], first | found[1]
+            if met := self.devices(_noted(divided, first), most - 1):
+                return met[0], first | met[1]
         return None
 
     def repeaters_for(self, segment: Segment) -> int:
         """Return the smallest number of repeaters that a segment's cables and supplies need."""
         rules = "cable_length", "cable_length_terminated"
         longest = float(self.limits["high"][rules[bool(segment.terminators)]])
-        return max(ceil(segment.length / longest - 1e-9), len(segment.supplies), 1) - 1
+        pieces = ceil(segment.length / max(longest, 1e-3) - 1e-9)  # no cable is shorter than 1 cm
+        return max(pieces, len(segment.supplies), 1) - 1
 
     def supplied(self, segment: Segment, terminated: bool) -> tuple[Supply | None, str]:
         """Return the supply that a segment lacks, and a rule that it violates nevertheless."""
@@ -113,10 +115,10 @@ class _Search:
     def violated(self, segment: Segment, terminated: bool) -> str:
         """Return the first rule that a segment violates, or ""."""
         key = repr((segment, terminated))
-        if key not in self.known and self.tries <= _TRIES:
+        if key not in self.rule_of and self.tries <= _TRIES:
             self.tries += 1
-            self.known[key] = first_violated(segment, terminated, self.limits)
-        return self.known.get(key, "not tried")
+            self.rule_of[key] = first_violated(segment, terminated, self.limits)
+        return self.rule_of.get(key, "not tried")
 
 
 def _noted(plan: _Plan, added: _Added) -> _Plan:
@@ -142,13 +144,11 @@ def _divisions(plan: _Plan, segment: Segment) -> Iterator[tuple[_Plan, Repeater]
                     run: replace(run, a=out) if run.a == node else replace(run, b=out)
                     for run in moved
                 }
+                cables = [new.get(run, run) for run in plan.cables]
                 notes = {note_key(new[run]): plan.notes.get(note_key(run), "") for run in new}
                 repeater = Repeater(node, out)
-                cables = [new.get(run, run) for run in plan.cables]
-                repeaters = [*plan.repeaters, repeater]
-                notes = {**plan.notes, **notes}
+                more = {"repeaters": [*plan.repeaters, repeater], "notes": {**plan.notes, **notes}}
                 try:
-                    divided = replace(plan, cables=cables, repeaters=repeaters, notes=notes)
+                    yield replace(plan, cables=cables, **more), repeater
                 except ArgumentError:  # one repeater does not divide a ring
                     continue
-                yield divided, repeater

@@ -226,7 +226,7 @@ class Run:
         `stop` are simulated times [s]. A wrong or missing response is red; a repeated request is
         hatched and numbered. Of more than 500 requests, 40 are drawn, which the title numbers:
         those around the first fault or, without faults, around the longest wait of a slave. A dot
-        is a change of a slave's inputs; its arrow ends when the master knows it.
+        is a change of a slave's inputs; its arrow ends when the master receives it.
         """
         try:
             events = self._events if where is None else self._events.query(where)

@@ -20,7 +20,7 @@ from shipnet.arrays import Bools, Floats
 from shipnet.ballast.plant import Movement, Plant
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed, stroke_speed
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, some
 from shipnet.fields import check_choice, check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
 from shipnet.fuzzy.rules import Decision, Firing, RuleBase, all_normal
@@ -412,9 +412,8 @@ class Diagnosis:
     def __repr__(self) -> str:
         n, top = self.run.n_valves, self._overall
         faulty = np.flatnonzero(top != NORMAL)
-        faults = ", ".join(f"valve {k + 1}: {top[k]}" for k in faulty[:3])
-        more = f" and {faulty.size - 3} more" if faulty.size > 3 else ""
-        return f"Diagnosis({n} valve{'s' if n != 1 else ''}, {faults or 'all normal'}{more})"
+        faults = some([f"valve {k + 1}: {top[k]}" for k in faulty], 3)
+        return f"Diagnosis({n} valve{'s' if n != 1 else ''}, {faults or 'all normal'})"
 
     def _repr_html_(self) -> str:
         return as_html(self, ok=all_normal(self._overall), table=self.alarms())

@@ -16,7 +16,7 @@ from shipnet.arrays import Floats, Integers
 from shipnet.can.dbc import parse_dbc
 from shipnet.can.faults import ErrorBound
 from shipnet.can.frame import hexadecimal
-from shipnet.can.j1939 import J1939Id
+from shipnet.can.j1939 import J1939Id, id_parts
 from shipnet.can.log import CLOCK_TOLERANCE, Log, coarse, lateness
 from shipnet.can.log_files import log_kind, read_log
 from shipnet.can.messages import BIT_RATES, Message, MessageSet, bus_load, read_list
@@ -410,9 +410,8 @@ def compare(
     frames = log if isinstance(log, Log) else read_log(log)
     keys, codes, times = frames.keys, frames.dlc.astype(int), frames.time
     if any(message.transport for message in plan):
-        fast = [
-            J1939Id.of(one.arbitration_id).pgn for one in plan if one.transport == "fast packet"
-        ]
+        packets = [one.arbitration_id for one in plan if one.transport == "fast packet"]
+        fast = id_parts(np.array(packets, dtype=int))[1].tolist()
         table, alone = frames.assemble(fast).messages, ~frames.extended | frames.remote
         priority, pgns, source, to = (table[part].to_numpy(int) for part in J1939Id._fields)
         ids = priority << 26 | (pgns | np.where((pgns >> 8 & 0xFF) < 240, to, 0)) << 8 | source
@@ -421,8 +420,8 @@ def compare(
         times = np.concatenate([times[alone], table["time_s"]])
     order = np.lexsort((times, keys))
     keys, codes = keys[order], codes[order]
-    times = times[order] - (frames.time.min() if len(frames) else 0.0)
-    end = times.max() if len(frames) else math.nan
+    begin, end = (frames.time.min(), np.ptp(frames.time)) if len(frames) else (0.0, math.nan)
+    times = times[order] - begin
     planned = {message.arbitration_id << 1 | message.extended: message for message in plan}
     groups: dict[Any, Message] = {}
     for key, message in reversed(planned.items()):

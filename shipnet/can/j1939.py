@@ -84,6 +84,25 @@ def frame_count(size: int, transport: str) -> int:
     return -(-size // 7) + (1 if transport == "BAM" else 3) if transport else 1
 
 
+def packets(arbitration_id: int, size: int, transport: str) -> list[tuple[int, bytes]]:
+    """Return the identifier of each frame of a message, and the bytes before the data."""
+    if not transport:
+        return [(arbitration_id, b"")]
+    _, pgn, source, to = J1939Id.of(arbitration_id)
+    if transport == "fast packet":
+        later = [(arbitration_id, bytes([k])) for k in range(1, frame_count(size, transport))]
+        return [(arbitration_id, bytes([0, size])), *later]
+    number, to = -(-size // 7), GLOBAL if transport == "BAM" else to
+    down, up = (7 << 26 | low for low in (to << 8 | source, source << 8 | to))
+    about, whole = pgn.to_bytes(3, "little"), size.to_bytes(2, "little") + bytes([number, 255])
+    sent = [(TP_DT << 8 | down, bytes([k])) for k in range(1, number + 1)]
+    if transport == "BAM":
+        return [(TP_CM << 8 | down, bytes([BAM]) + whole + about), *sent]
+    request = TP_CM << 8 | down, bytes([RTS]) + whole + about
+    clear = TP_CM << 8 | up, bytes([CTS, number, 1, 255, 255]) + about
+    return [request, clear, *sent, (TP_CM << 8 | up, bytes([END]) + whole + about)]
+
+
 @cache
 def pgn_names() -> dict[int, tuple[str, bool]]:
     """Return the name of each listed PGN, and whether it is sent as a fast packet."""

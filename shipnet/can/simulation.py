@@ -17,6 +17,7 @@ from shipnet.arrays import Floats, Integers
 from shipnet.can.bus import BUS_OFF, PASSIVE, Failure, releases, send, send_disturbed, send_sets
 from shipnet.can.faults import BitErrors, ErrorAt, Simulated
 from shipnet.can.frame import check_bit_rate
+from shipnet.can.j1939 import packets
 from shipnet.can.log import Log
 from shipnet.can.messages import MessageSet, counted
 from shipnet.clock import NEVER, as_faults, nanoseconds
@@ -214,11 +215,10 @@ class Run:
         was bus off begins at 0 again.
         """
         check_choice("sender", sender, self._columns.senders)
-        own = self._events["message"].isin(
-            [one.name for one in self.system if one.sender == sender]
-        )
+        names = [one.name for one in self.system if (one.sender or one.name) == sender]
+        of_sender = self._events["message"].isin(names)
         failed = self.errors().query("sender == @sender")[["start_ms", "free_ms", "tec"]]
-        sent = self._events[own & (self._events["outcome"] == "sent")][["start_ms", "end_ms"]]
+        sent = self._events[of_sender & (self._events["outcome"] == "sent")][["start_ms", "end_ms"]]
         frames = [*failed.to_numpy().tolist(), *sent.to_numpy().tolist()]
         times, counts = [0.0], [0]
         for start, end, *tec in sorted(frames):
@@ -234,17 +234,20 @@ class Run:
         return ax
 
     def log(self) -> Log:
-        """Return a log of all frames sent on the bus, with their message's identifier and zeros."""
+        """Return a log of all frames sent on the bus; the data of messages are zeros."""
         sent = self._events[self._events["outcome"] == "sent"].sort_values("end_ms")
         rank = sent["message"].cat.codes.to_numpy()
-        ids, extended, dlc = (
-            np.array([getattr(message, field) for message in self.system])[rank]
-            for field in ("arbitration_id", "extended", "dlc")
-        )
-        data = np.zeros((len(sent), 8), dtype=np.uint8)
-        no = np.zeros(len(sent), dtype=bool)
-        time, size = sent["end_ms"].to_numpy() / 1e3, np.minimum(dlc, 8).astype(np.uint8)
-        return Log(time, np.full(len(sent), "can0"), ids, extended, no, np.asarray(size), data)
+        frames = [
+            [number, one.extended, 8 if one.transport else one.dlc, *data.ljust(8, b"\0")]
+            for one in self.system
+            for number, data in packets(one.arbitration_id, one.dlc, one.transport)
+        ]
+        each = self._columns.frames
+        row = (np.cumsum(each) - each)[rank] + sent.groupby(rank).cumcount() % each[rank]
+        ids, extended, dlc, *data = np.array(frames)[row].T
+        time, no = sent["end_ms"].to_numpy() / 1e3, np.zeros(len(sent), dtype=bool)
+        octets = dlc.astype(np.uint8), np.array(data, np.uint8).T
+        return Log(time, np.full(len(sent), "can0"), ids, extended.astype(bool), no, *octets)
 
     def __repr__(self) -> str:
         return (

@@ -208,12 +208,13 @@ def ordered(name: str, values: Range) -> Range:
     return values
 
 
-#: Figures of each cable that are assumptions, named such as price_MI1P075: unit and meaning.
+#: Figures of each cable that are assumptions, named such as price_MI1P075: unit, meaning, and the
+#: name of the range of all cables.
 CABLE_FIGURES = {
-    "mass": ("kg/m", "mass"),
-    "price": ("EUR/m", "price"),
-    "lay": ("h/m", "laying"),
-    "termination": ("h", "termination of a conductor at one end"),
+    "mass": ("kg/m", "mass", "cable_mass"),
+    "price": ("EUR/m", "price", "cable_price"),
+    "lay": ("h/m", "laying", "laying_time"),
+    "termination": ("h", "termination of a conductor at one end", "termination_time"),
 }
 
 
@@ -227,7 +228,7 @@ def read_assumptions() -> Mapping[str, Assumption]:
         entries[row["name"]] = Assumption(
             ends, row["unit"], row["meaning"], row["status"], row["source"]
         )
-    for name, (unit, meaning) in CABLE_FIGURES.items():
+    for name, (unit, meaning, _) in CABLE_FIGURES.items():
         for cable in cables().values():
             what = f"{meaning} of {cable.id}"
             figure = Assumption(getattr(cable, name), unit, what, cable.status, cable.source)

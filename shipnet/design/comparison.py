@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
 from os import PathLike
@@ -44,7 +44,7 @@ from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings, kind_of, names
 from shipnet.design.tables import file_name, save_files
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, some
 from shipnet.fields import check_choice, check_rng
 from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
@@ -279,8 +279,7 @@ class Comparison:
         words = {}
         for name, findings in self._checked.items():
             if rules := [repr(rule) for rule in findings.violated()["rule"]]:
-                more = f" and {len(rules) - 3} more" if len(rules) > 3 else ""
-                words[name] = ", ".join(rules[:3]) + more
+                words[name] = some(rules, 3)
         return words
 
     @cached_property
@@ -384,7 +383,8 @@ class Comparison:
 
     def add(self, *designs: Design) -> Comparison:
         """Return a comparison that also contains further designs of the same points."""
-        return compared([*self.designs.values(), *designs], self.rules, self.rng, self.remarks)
+        every = [*self.designs.values(), *designs]
+        return replace(compared(every, self.rules, self.rng, self.remarks), previous=self.previous)
 
     def diff(self, other: Comparison) -> pd.DataFrame:
         """Return what changes from this comparison to an `other`, one row per common design.
@@ -645,7 +645,7 @@ def _by_design(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 #: What changes of points and cables: words, and the columns that differ.
-_CHANGES: Mapping[str, Mapping[str, Sequence[str]]] = {
+_CHANGES: Mapping[str, Mapping[str, list[str]]] = {
     "point": {"changed": ["signal"], "moved": ["x_m", "y_m", "z_m"]},
     "cable": {
         "re-terminated": ["a", "b"],
@@ -658,31 +658,27 @@ _CHANGES: Mapping[str, Mapping[str, Sequence[str]]] = {
 def _difference(old: Comparison, new: Comparison, name: str) -> dict[str, Any]:
     """Return the row of `Comparison.diff` for one design."""
     row, words = dict[str, Any](), []
-    for what, kinds in _CHANGES.items():
-        columns = [column for names in kinds.values() for column in names]
-        before, after = (
-            (one.iolist.points.set_index("tag") if what == "point" else one.cables.set_index("run"))
-            for one in (old.designs[name], new.designs[name])
-        )
+    designs = old.designs[name], new.designs[name]
+    tables = {
+        "point": [one.iolist.points.set_index("tag") for one in designs],
+        "cable": [one.cables.set_index("run") for one in designs],
+    }
+    for what, (before, after) in tables.items():
+        added = after.index.difference(before.index, sort=False)
+        changed = {"added": added, "removed": before.index.difference(after.index, sort=False)}
         both = before.index.intersection(after.index, sort=False)
-        names = {
-            "added": after.index.difference(before.index, sort=False),
-            "removed": before.index.difference(after.index, sort=False),
-        }
-        differs = before.loc[both, columns].round(9).fillna("") != after.loc[both, columns].round(
-            9
-        ).fillna("")
-        names |= {kind: both[differs[of].any(axis=1)] for kind, of in kinds.items()}
-        for kind, of in names.items():
-            row[f"{what}s_{re.sub('[ -]', '_', kind)}"] = len(of)
-            if len(of):
-                more = f" and {len(of) - 3} more" if len(of) > 3 else ""
-                plural = "s" if len(of) > 1 else ""
-                words.append(f"{len(of)} {what}{plural} {kind} ({', '.join(of[:3])}{more})")
+        for kind, columns in _CHANGES[what].items():
+            was, becomes = (one.loc[both, columns].round(9).fillna("") for one in (before, after))
+            changed[kind] = both[(was != becomes).any(axis=1)]
+        for kind, keys in changed.items():
+            row[f"{what}s_{re.sub('[ -]', '_', kind)}"] = len(keys)
+            if len(keys):
+                plural = "s" if len(keys) > 1 else ""
+                words.append(f"{len(keys)} {what}{plural} {kind} ({some(list(keys), 3)})")
     units = {"cable_length_km": "km of cable", "labour_h": "h", "total_cost_eur": "EUR"}
     for figure, unit in units.items():
-        row[figure] = more_of = new.quantities[name][figure] - old.quantities[name][figure]
-        words.append(f"{'+' if round(more_of, 6) > 0 else ''}{number(round(more_of, 6))} {unit}")
+        row[figure] = more = new.quantities[name][figure] - old.quantities[name][figure]
+        words.append(f"{'+' if round(more, 6) > 0 else ''}{number(round(more, 6))} {unit}")
     rules = [{*one._checked[name].violated()["rule"]} for one in (old, new)]
     row["rules_violated"] = len(rules[1]) - len(rules[0])
     for verb, of_rules in (("violates", rules[1] - rules[0]), ("meets", rules[0] - rules[1])):

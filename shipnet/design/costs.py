@@ -13,7 +13,15 @@ import numpy as np
 
 from shipnet import style
 from shipnet.arrays import Floats
-from shipnet.design.catalogue import LEVELS, Level, read_assumptions, values_at, with_spare, words
+from shipnet.design.catalogue import (
+    CABLE_FIGURES,
+    LEVELS,
+    Level,
+    read_assumptions,
+    values_at,
+    with_spare,
+    words,
+)
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.layout import Layout
 from shipnet.design.plot import plot_ranges
@@ -152,14 +160,7 @@ def counted(table: pd.DataFrame) -> dict[str, str]:
 
 #: Assumptions that have a range for each cable, and the key in `CABLE_FIGURES`. One level applies
 #: to all cables, so that all are expensive or all are cheap.
-CABLE_RANGES: Mapping[str, str] = MappingProxyType(
-    {
-        "cable_mass": "mass",
-        "cable_price": "price",
-        "laying_time": "lay",
-        "termination_time": "termination",
-    }
-)
+CABLE_RANGES = MappingProxyType({name: key for key, (_, _, name) in CABLE_FIGURES.items()})
 
 #: Mass of 1 m of copper with a cross-section of 1 mm2 [kg]; its density is 8.96 g/cm3.
 _COPPER = 8.96e-3

@@ -371,16 +371,11 @@ class Draft:
         tables = points, devices, runs, segments, reasons, self.settings
         laid = Design(name, self.iolist, self.site, *tables, previous=self.previous)
         feeders = sized(laid)
-        if not feeders.cable:
-            return self._revised(laid)
-        runs = self._feed(runs, feeders)
-        points["fits"] &= ~points["device"].isin([weak[0] for weak in feeders.weak])
-        devices, reasons = (frame(t, self._rows[t]) for t in ("devices", "reasons"))
-        laid = replace(laid, points=points, devices=devices, cables=runs, reasons=reasons)
-        return self._revised(laid)
-
-    def _revised(self, laid: Design) -> Design:
-        """Return the design with the names of the cables in the earlier design."""
+        if feeders.cable:
+            runs = self._feed(runs, feeders)
+            points["fits"] &= ~points["device"].isin([weak[0] for weak in feeders.weak])
+            devices, reasons = (frame(t, self._rows[t]) for t in ("devices", "reasons"))
+            laid = replace(laid, points=points, devices=devices, cables=runs, reasons=reasons)
         runs = with_names(laid.cables, self.previous)
         names = dict(zip(laid.cables["run"], runs["run"], strict=True))
         strips = {names[name]: strip for name, strip in self.strips.items()}

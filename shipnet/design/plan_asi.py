@@ -157,15 +157,13 @@ def _kept_modules(
     limits = draft.settings.asi
     room = {"DI": limits.inputs, "DO": limits.outputs, "AI": limits.channels, "AO": limits.channels}
     for n in sorted({*index.values()}.difference(*groups.values())):
-        row = rows[n]
+        kind, digital = kinds[n], kinds[n] in ("DI", "DO")
         for members in groups.values():
-            alike = [other for other in members if kinds[other] == kinds[n]]
-            fits = kinds[n][0] == "D" or len(members) < min(channels[[n, *members]])
-            away = draft.site.route(draft.places[rows[members]], draft.places[row])
-            same = {kinds[other] for other in members} <= (
-                {"DI", "DO"} if kinds[n][0] == "D" else {kinds[n]}
-            )
-            if same and fits and len(alike) < room[kinds[n]] and away.max() <= limits.reach:
+            alike = {*kinds[members]} <= ({"DI", "DO"} if digital else {kind})
+            fits = digital or len(members) < min(channels[[n, *members]])
+            free = np.count_nonzero(kinds[members] == kind) < room[kind]
+            away = draft.site.route(draft.places[rows[members]], draft.places[rows[n]])
+            if alike and fits and free and away.max() <= limits.reach:
                 members.append(n)
                 break
     return groups
@@ -173,14 +171,12 @@ def _kept_modules(
 
 def _labels(group: Sequence[Module], need: Sequence[float]) -> list[str]:
     """Return the addresses of a line's modules: the kept ones, and free ones for the others."""
-    fresh = assign_addresses(len(group), shares=[module.shares for module in group], need=need)
     kept = [module.label for module in group if module.label]
     taken = {label.rstrip("AB") for label in kept}
-    most = max(len(group), *(int(number) for number in taken)) if taken else 0
-    free = [n for n in range(1, min(most + len(group), ADDRESSES) + 1) if str(n) not in taken]
+    free = [str(n) for n in range(1, ADDRESSES + 1) if str(n) not in taken]
     if not kept or len({*kept}) < len(kept) or len(free) < len(group) - len(kept):
-        return fresh
-    return [m.label or f"{free.pop(0)}{'A' if m.shares else ''}" for m in group]
+        return assign_addresses(len(group), shares=[module.shares for module in group], need=need)
+    return [module.label or free.pop(0) + "A" * module.shares for module in group]
 
 
 @lru_cache(4096)

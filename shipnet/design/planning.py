@@ -57,7 +57,7 @@ def plan_boxes(draft: Draft, rows: Indices) -> None:
 def _trunks(draft: Draft, box: Box) -> list[tuple[Cable, Strip]]:
     """Divide the points of a box among cables that are large enough; those of a kept box stay."""
     largest = max(c.conductors for c in cables().values() if "hardwired" in c.buses)
-    spare, made = draft.settings.spare, list[tuple[Cable, Strip]]()
+    made = list[tuple[Cable, Strip]]()
     left = [(draft.tags[row], draft.signals[row], int(draft.wires[row])) for row in box.rows]
     old = [*_kept_trunks(draft, box.name)]
     stay = {place for _, strip in old for part in strip for place in part}.intersection(left)
@@ -66,10 +66,10 @@ def _trunks(draft: Draft, box: Box) -> list[tuple[Cable, Strip]]:
         parts = [[one if one in stay else ("", *one[1:]) for one in part] for part in strip]
         for part in parts:
             for n, (tag, *form) in enumerate(part):
-                like = [one for one in left if [*one[1:]] == form]
-                if not tag and like:
-                    part[n] = like[0]
-                    left.remove(like[0])
+                like = next((one for one in left if [*one[1:]] == form and not tag), None)
+                if like:
+                    part[n] = like
+                    left.remove(like)
         new: list[tuple[str, str, int]] = []
         for one in list(left):
             if 2 * sum(_wires(part)[1] for part in (*parts, [*new, one])) <= cable.conductors:
@@ -78,19 +78,16 @@ def _trunks(draft: Draft, box: Box) -> list[tuple[Cable, Strip]]:
         made.append((cable, [*parts, new] if new else parts))
     if not left:
         return made
-
-    def needed(pairs: int) -> int:
-        return with_spare(2 * pairs, spare)
-
+    spare = draft.settings.spare
     each = np.array([(wires + 1) // 2 for _, _, wires in left])
-    number = max(1, ceil(needed(int(each.sum())) / largest))
+    number = max(1, ceil(with_spare(2 * int(each.sum()), spare) / largest))
     while True:
         # Start a new part where the sum of pairs passes a multiple of an equal share.
         share = np.cumsum(each) - each / 2
         of = np.minimum((share * number / each.sum()).astype(np.intp), number - 1).tolist()
         divided = [[place for place, n in zip(left, of, strict=True) if n == k] for k in {*of}]
         pairs = [_wires(part)[1] for part in divided]
-        if all(needed(one) <= largest for one in pairs) or number >= len(left):
+        if all(with_spare(2 * one, spare) <= largest for one in pairs) or number >= len(left):
             fresh = zip(pairs, divided, strict=True)
             return [*made, *((smallest(2 * one, spare=spare), [part]) for one, part in fresh)]
         number += 1
@@ -107,11 +104,10 @@ def _kept_trunks(draft: Draft, box: str) -> Iterator[tuple[Cable, Strip]]:
 
 def _wires(part: Sequence[tuple[str, str, int]]) -> tuple[int, int]:
     """Return the numbers of conductors and pairs needed; a common return counts once per signal."""
-    returns = sum({signal: SIGNALS[signal].common for _, signal, _ in part}.values())
-    alone = [wires for _, signal, wires in part if not SIGNALS[signal].common]
-    shared = returns + sum(
-        wires - SIGNALS[signal].common for _, signal, wires in part if SIGNALS[signal].common
-    )
+    common = {signal: SIGNALS[signal].common for _, signal, _ in part}
+    alone = [wires for _, signal, wires in part if not common[signal]]
+    shared = sum(wires - common[signal] for _, signal, wires in part if common[signal])
+    shared += sum(common.values())
     return sum(alone) + shared, sum((wires + 1) // 2 for wires in alone) + ceil(shared / 2)
 
 

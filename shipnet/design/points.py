@@ -30,7 +30,7 @@ from shipnet.design.words import (
     without_safety,
     words,
 )
-from shipnet.errors import ArgumentError, InputError
+from shipnet.errors import ArgumentError, InputError, some
 from shipnet.lists import ALIKE, Cells, clean, cleaned, read_number, widened
 from shipnet.signals import SIGNALS, find_signal, meanings, plain, spellings
 from shipnet.tables import (
@@ -381,9 +381,8 @@ def _safety(cells: Points) -> list[str]:
     for safe, sure in sorted(set(read.values())):
         alike = {text: repr(text) for text in marks if read[text] == (safe, sure)}
         rows = tuple(row for row, text in zip(cells.rows, texts, strict=True) if text in alike)
-        more = f" and {len(alike) - 5} more" if len(alike) > 5 else ""
-        cited = ", ".join([*alike.values()][:5]) + more
-        remark = f"{title} {cited} read as {'' if safe else 'not '}intrinsically safe"
+        cited, negated = some([*alike.values()], 5), "" if safe else "not "
+        remark = f"{title} {cited} read as {negated}intrinsically safe"
         remark += "" if sure else ", but does not say so clearly"
         cells.remarks.append(Remark(remark, rows, doubt=not sure, detail=sure))
     meaning = {text: "IS" if text in is_yes else text for text, (safe, _) in read.items() if safe}

@@ -19,7 +19,7 @@ from shipnet.design.designs import Design
 from shipnet.design.drawing import sheets
 from shipnet.design.failures import FAILURES
 from shipnet.design.plot import plot_pareto, plot_ranges
-from shipnet.errors import listed
+from shipnet.errors import listed, some
 from shipnet.toml_file import shown
 
 #: Note on the first page of a report and at the end of a printed comparison.
@@ -138,7 +138,7 @@ def _failures(designs: Mapping[str, Design]) -> str:
         many = cuts[cuts["points_lost"] > 1]
         many = many.sort_values("points_lost", ascending=False, kind="stable")
         for row in _each(many.head(_FAILURES_SHOWN)):
-            count, tags = str(row.points_lost), _some(row.tags)
+            count, tags = str(row.points_lost), some(row.tags, 6)
             details.append([option, row.failure, row.failed, row.segment, count, tags])
     worst_head = "option,failure,cases,with losses,max. points,failed,systems".split(",")
     return section(
@@ -152,11 +152,6 @@ def _failures(designs: Mapping[str, Design]) -> str:
         text(f"The {_FAILURES_SHOWN} worst failures of each option", tag="h3"),
         table(["option", "failure", "failed", "segment", "points", "tags"], details, numbers=[4]),
     )
-
-
-def _some(names: tuple[str, ...], shown: int = 6) -> str:
-    more = f" and {len(names) - shown} more" if len(names) > shown else ""
-    return ", ".join(names[:shown]) + more
 
 
 def _reasons(reasons: pd.DataFrame) -> str:

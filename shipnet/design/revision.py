@@ -52,21 +52,20 @@ class Kept:
             one.points.set_index("tag")[_FIXED].astype(object).fillna("")
             for one in (previous.iolist, iolist)
         )
-        at = previous.points.set_index("tag")[["device", "address"]]
-        for n, tag in enumerate(new.index):
-            if tag in old.index and at["device"][tag] and (new.loc[tag] == old.loc[tag]).all():
-                self.device[n] = self.devices[at["device"][tag]]
-                self.address[n] = at["address"][tag]
+        is_same = (old.reindex(new.index) == new).all(axis=1)
+        at = previous.points.set_index("tag").reindex(new.index)[["device", "address"]]
+        for n, (device, address) in enumerate(at.itertuples(index=False, name=None)):
+            if is_same.iloc[n] and device:
+                self.device[n], self.address[n] = self.devices[device], address
 
     def groups(self, rows: Iterable[int], kind: str, prefix: str) -> dict[Device, list[int]]:
         """Return the rows that keep each device of a kind whose name begins with the prefix."""
-        chosen = [row for row in rows if row in self.device]
-        groups = {
-            device: [row for row in chosen if self.device[row] == device]
-            for device in self.devices.values()
-            if device.kind == kind and device.name.startswith(prefix)
-        }
-        return {device: members for device, members in groups.items() if members}
+        rows_of: dict[Device, list[int]] = {device: [] for device in self.devices.values()}
+        for row in rows:
+            if (device := self.device.get(row)) is not None:
+                if device.kind == kind and device.name.startswith(prefix):
+                    rows_of[device].append(row)
+        return {device: members for device, members in rows_of.items() if members}
 
 
 def joined(

@@ -110,8 +110,8 @@ def read_devices(path: str | PathLike[str]) -> tuple[list[dict[str, Any]], tuple
         row["function"] = row["function"] or FunctionCode.READ_HOLDING_REGISTERS
         row["device"] = row["device"] or f"{row['host'] or 'unit'} {row['address']}"
         unit, block = (row["host"], row["address"]), (row["function"], row["register"])
-        for key, mine in ((unit, row["device"]), (unit + block, f"row {row['row']}")):
-            if taken.setdefault(key, mine) != mine:
+        for key, name in ((unit, row["device"]), (unit + block, f"row {row['row']}")):
+            if taken.setdefault(key, name) != name:
                 what = "address" if key == unit else "address, function and register"
                 cells.fault(index, "address", f": the same {what} as {taken[key]}")
         if index not in cells.faulty and row["register"] + row["registers"] > 1 << 16:

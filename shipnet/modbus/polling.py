@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -163,8 +163,8 @@ class Polled(NamedTuple):
         return sum(p.time for p in self.polls), sum(p.timeout_time for p in self.polls)
 
 
-#: An order of rows: that each is polled in one of so many cycles, in which first, and the longest
-#: time between two of its polls [s].
+#: An order of rows. For each row: the number of cycles from one poll to the next, the first cycle,
+#: and the longest time between two polls [s].
 Order: TypeAlias = tuple[list[int], list[int], list[float]]
 
 
@@ -193,11 +193,11 @@ def best_order(rows: Sequence[Polled]) -> Order:
     If rows cannot be polled as often as wanted, another sequence may be better by some 15 %.
     """
     periods = [row.period for row in rows]
-    known = [period for period in periods if period < inf] or [1.0]
+    wanted = [period for period in periods if period < inf] or [1.0]
     times = [row.number * row.times[row.dead] for row in rows]
     options = {(1,) * len(rows)}
-    for base in min(known) / 2 ** (np.arange(16) / 16):
-        fit = [floor(log2(min(period, max(known)) / base) + 1e-9) for period in periods]
+    for base in min(wanted) / 2 ** (np.arange(16) / 16):
+        fit = [floor(log2(min(period, max(wanted)) / base) + 1e-9) for period in periods]
         options.add(tuple(2 ** min(one, 6) for one in fit))
     orders = [spread(times, every) for every in sorted(options)]
     return min(orders, key=lambda one: max(map(truediv, one[2], periods)))
@@ -260,9 +260,9 @@ class Scan:
         return self._longest(dead=True)
 
     def _longest(self, *, dead: bool) -> float:
-        times = Counter[tuple[str, int]]()
+        times: dict[tuple[str, int], float] = defaultdict(float)
         for row in self.rows:
-            times[row.unit] += row.times[dead]  # type: ignore[assignment]
+            times[row.unit] += row.times[dead]
         return max(times.values())
 
     @property
@@ -320,8 +320,8 @@ class Scan:
 
         Columns: ``address``, ``host``, ``time_ms`` if it answers, ``dead_adds_ms`` (added to the
         scan if it is dead), ``age_best_ms`` and ``age_worst_ms`` of its values, just after and just
-        before they are updated, ``wanted_ms``, and the best order: ``every`` so many cycles from
-        cycle ``first``, the longest ``interval_ms`` there, and whether the wanted one is ``met``.
+        before they are updated, ``wanted_ms``, and the best order: the number of cycles per poll
+        (``every``), the ``first`` cycle, the longest ``interval_ms``, and whether it is ``met``.
         """
         order, rows = best_order(self.rows), []
         for row, *place in zip(self.rows, *order, strict=True):
@@ -426,13 +426,16 @@ def _requests(function: int, first: int, count: int) -> Iterator[Request]:
 def _read_rows(path: str | PathLike[str], default: Poll) -> tuple[list[Polled], tuple[str, ...]]:
     """Return the rows of a table, whose empty cells mean the values of `default`, and remarks."""
     table, remarks = read_devices(path)
-    names, rows, faults = [one["device"] for one in table], list[Polled](), []
+    blocks = Counter((one["device"], one["host"], one["address"]) for one in table)
+    units = Counter(device for device, *_ in blocks)
+    rows, faults = list[Polled](), []
     for one in table:
-        name = one["device"]
-        if names.count(name) > 1:
-            name += f" FC{one['function']:d} {one['register']}"
-        options = {"timeout": one["timeout"], "retries": one["retries"], "processing": one["delay"]}
-        options = {key: value for key, value in options.items() if value is not None}
+        name, unit = one["device"], (one["host"], one["address"])
+        is_block, is_namesake = blocks[name, *unit] > 1, units[name] > 1
+        name += f" {one['host']} {one['address']}".replace("  ", " ") if is_namesake else ""
+        name += f" FC{one['function']:d} {one['register']}" if is_block else ""
+        columns = {"timeout": "timeout", "retries": "retries", "processing": "delay"}
+        options = {key: one[of] for key, of in columns.items() if one[of] is not None}
         options["line"] = TcpLink(default.line.bit_rate) if one["host"] else default.line
         requests = _requests(one["function"], one["register"], one["registers"])
         try:
@@ -440,7 +443,6 @@ def _read_rows(path: str | PathLike[str], default: Poll) -> tuple[list[Polled], 
         except ArgumentError as error:
             faults.append(f"row {one['row']}: {error}")
             continue
-        unit = (one["host"], one["address"])
         period = inf if one["dead"] else one["period"] or inf
         rows.append(Polled(polls, bool(one["dead"]), 1, name, unit, period))
     if faults:

@@ -298,13 +298,21 @@ def read_slaves(path: str | PathLike[str]) -> Mapping[int, Slave]:
         if len({row["host"] for row in rows}) > 1:
             raise InputError(str(path), f"address {unit} belongs to several hosts; serve one")
         tables: dict[str, dict[int, int]] = {name: {} for name in get_args(Table)}
+        stated: dict[str, set[int]] = {name: set() for name in tables}
         refused: dict[tuple[int, int], ExceptionCode] = {}
         # Rows with values come last, so that another function on the same registers keeps them.
         for row in sorted(rows, key=lambda row: row["values"] is not None):
             code, first = row["function"], row["register"]
             name = _READ.get(code) or ("coils" if code in (5, 15) else "holding_registers")
             addresses = range(first, first + row["registers"])
-            tables[name] |= zip(addresses, cycle(row["values"] or [0]))
+            values = dict(zip(addresses, cycle(row["values"] or [0])))
+            if row["values"]:
+                for one in sorted(values.keys() & stated[name]):
+                    if values[one] != tables[name][one]:
+                        why = f"address {one} has another value in an earlier row"
+                        raise InputError(str(path), f"row {row['row']}: {why}")
+                stated[name] |= values.keys()
+            tables[name] |= values
             if row["exception"]:
                 refused |= dict.fromkeys(((code, one) for one in addresses), row["exception"])
         functions, silent = {row["function"] for row in rows}, any(row["dead"] for row in rows)

@@ -13,13 +13,14 @@ from typing import Any, NamedTuple
 
 from shipnet import asi, fields
 from shipnet.asi.plan import read_plan
-from shipnet.asi.segment import Element
+from shipnet.asi.segment import Element, nodes_of
 from shipnet.asi.slave import slave_key
 from shipnet.asi.timing import ADDRESSES
 from shipnet.asi.topologies import evenly_spaced
 from shipnet.errors import ArgumentError, InputError
+from shipnet.files import as_file
 from shipnet.line.cable import Cable
-from shipnet.tools._view import Loaded, read_file
+from shipnet.tools._view import Loaded
 
 #: Cables to choose from. The extremes combine limits from a data sheet (Lapp, UNITRONIC BUS ASI:
 #: 0.5 to 0.75 uH/m, at most 80 pF/m) with the resistance of the nominal cable.
@@ -87,16 +88,17 @@ def read_devices(texts: Sequence[str]) -> list[Device]:
 
 def open_plan(inputs: Any, name: str, content: bytes) -> Loaded:
     """Return the inputs with the plan of a file, and what the bench draws differently."""
-    plan = read_file(name, content, read_plan)
+    with as_file(name, content) as path:
+        plan = read_plan(path)
     try:
         drawn = replace(inputs, sender=1, **_fields(plan))
     except ArgumentError as problem:
         raise InputError(name, f"the bench cannot draw this plan: {problem}") from None
-    known = [_plain(element) for element in drawn.plan]
+    drawable = [_plain(element) for element in drawn.plan]
     unlike = Counter(
         type(element).__name__.lower()
         for element in plan
-        if not isinstance(element, asi.CableRun) and _plain(element) not in known
+        if not isinstance(element, asi.CableRun) and _plain(element) not in drawable
     )
     remarks = list(plan.remarks)
     metres = sum(float(run.length) for run in plan.cables)
@@ -129,78 +131,66 @@ def _fields(plan: asi.Plan) -> dict[str, Any]:
     catalogue = {asi.CableRun("a", "b", 1, cable).made_of: n for n, cable in CABLE_CHOICES.items()}
     if len(cables) > 1 or not cables <= set(catalogue):
         raise ArgumentError(f"its cables must all be of one type: {', '.join(catalogue.values())}")
-    path, ring = _trunk(plan)
-    lengths = {frozenset((run.a, run.b)): float(run.length) for run in plan.cables}
-    place, metres, cuts = {path[0]: 0.0}, 0.0, []
+    joints, path, ring = _trunk(plan)
+    spots, metres, cuts = {path[0]: (0.0, 0.0)}, 0.0, []
     for a, b in pairwise([*path, path[0]] if ring else path):
-        length = lengths.get(frozenset((a, b)))
-        cuts += [Device("repeater", metres, 0)] if length is None else []
-        metres += length or 0
-        # The node on the right of a repeater needs a place of its own.
-        place.setdefault(b, metres if length is not None else round(metres + 0.01, 2))
-    spurs = dict.fromkeys(place, 0.0)
-    for run in plan.cables:
-        for near, end in ((run.a, run.b), (run.b, run.a)):
-            if end not in path:
-                place[end], spurs[end] = place[near], float(run.length)
+        if length := joints.edges[a, b].get("length"):
+            metres += length
+            spots.setdefault(b, (metres, 0.0))
+        else:
+            cuts.append(Device("repeater", metres, 0))
+            # The node on the right of a repeater needs a place of its own.
+            spots[b] = round(metres + 0.01, 2), 0.0
+    for node in set(joints).difference(path):
+        (near,) = joints[node]
+        spots[node] = spots[near][0], joints.edges[node, near]["length"]
     keys = [slave_key(slave.label)[0] for slave in plan.slaves]
     if len(set(keys)) < len(keys) or min(keys, default=2) < 2:
         raise ArgumentError("two of its slaves have the same address, or one has address 0")
-    shared = Counter(key >> 1 for key in keys)
-    # Slaves that share addresses are the last.
-    ranked = sorted(
-        zip(keys, plan.slaves, strict=True), key=lambda one: (shared[one[0] >> 1], one[0])
-    )
-    slaves = [slave for _, slave in ranked]
+    shared = Counter(slave.address for slave in plan.slaves)
     of_kind: dict[str, Sequence[Any]] = {
         "master": plan.masters,
         "scope": plan.masters,
         "supply": plan.supplies,
+        # Slaves that share addresses are the last.
+        "slave": sorted(plan.slaves, key=lambda one: (shared[one.address], slave_key(one.label))),
+        "terminator": [one for one in plan.terminators if one.inductance < 1],
+        "resistor": [one for one in plan.terminators if one.inductance >= 1],
     }
-    devices = [
-        *(Device(kind, place[one.node], 0) for kind, some in of_kind.items() for one in some),
-        *(Device("slave", place[one.node], spurs[one.node]) for one in slaves),
-        *(
-            Device("resistor" if one.inductance >= 1 else "terminator", place[one.node], 0)
-            for one in plan.terminators
-        ),
-        *cuts,
-    ]
+    placed = [Device(kind, *spots[one.node]) for kind, some in of_kind.items() for one in some]
     return {
-        "devices": tuple(map(str, devices)),
+        "devices": tuple(map(str, [*placed, *cuts])),
         "length": round(metres, 1),
         "cable": catalogue[cables.pop()],
         "ring": ring,
-        "current_ma": ceil(max((1e3 * one.current for one in slaves), default=0.0) - 1e-9),
+        "current_ma": ceil(max((1e3 * one.current for one in plan.slaves), default=0.0) - 1e-9),
         "pairs": sum(number > 1 for number in shared.values()),
     }
 
 
-def _trunk(plan: asi.Plan) -> tuple[list[str], bool]:
-    """Return the nodes along the cable, and whether it is a ring; spurs of slaves are left out."""
-    joins = [(run.a, run.b) for run in plan.cables] + [(one.a, one.b) for one in plan.repeaters]
-    near: dict[str, list[str]] = {}
-    for a, b in joins:
-        near.setdefault(a, []).append(b)
-        near.setdefault(b, []).append(a)
-    others: list[Any] = [*plan.masters, *plan.supplies, *plan.terminators]
+def _trunk(plan: asi.Plan) -> tuple[Any, list[str], bool]:
+    """Return a graph of the plan, the nodes along its cable without spurs, and if it is a ring."""
+    import networkx as nx
+
+    joints = nx.Graph([(one.a, one.b) for one in plan.repeaters])
+    joints.add_weighted_edges_from(((r.a, r.b, float(r.length)) for r in plan.cables), "length")
     slaves = Counter(slave.node for slave in plan.slaves)
-    taken = {one.node for one in others} | {end for one in plan.repeaters for end in (one.a, one.b)}
-    spurs = {n for n in near if len(near[n]) == 1 and slaves[n] == 1 and n not in taken}
-    trunk = {node: [one for one in near[node] if one not in spurs] for node in near}
-    for node, ahead in trunk.items():
-        if node not in spurs and len(ahead) > 2:
+    others: list[Any] = [*plan.masters, *plan.supplies, *plan.terminators, *plan.repeaters]
+    taken = {node for one in others for node in nodes_of(one)}
+    spurs = {n for n in joints if joints.degree[n] == 1 and slaves[n] == 1 and n not in taken}
+    trunk = joints.copy()
+    trunk.remove_nodes_from(spurs)
+    for node, degree in trunk.degree:
+        if degree > 2:
             raise ArgumentError(
                 f"its cable branches at {node}; a branch may only be a spur with one slave"
             )
-    ends = [node for node, ahead in trunk.items() if node not in spurs and len(ahead) < 2]
-    path, last = [ends[0] if ends else plan.masters[0].node], ""
-    while ahead := [one for one in trunk[path[-1]] if one != last and one != path[0]]:
-        last = path[-1]
-        path.append(ahead[0])
+    master = plan.masters[0].node
+    ends = [node for node, degree in trunk.degree if degree < 2]
+    path = list(nx.dfs_preorder_nodes(trunk, ends[0] if ends else master))
     for _ in range(2 if ends else 0):  # a spur at the end of the cable is drawn as part of it
         path.reverse()
-        path += [one for one in near[path[-1]] if one in spurs and one not in path][:1]
-    if path.index(plan.masters[0].node) > len(path) / 2:
+        path += [one for one in joints[path[-1]] if one in spurs and one not in path][:1]
+    if path.index(master) > len(path) / 2:
         path.reverse()
-    return path, not ends
+    return joints, path, not ends

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from shipnet import style
-from shipnet.errors import ArgumentError, InputError
+from shipnet.errors import ArgumentError, InputError, some
 from shipnet.fields import Choice, Kind, Number, Part, Text, Whole, check_choice, declared
 from shipnet.lazy import pd
 from shipnet.tools._view import Measure, View, in_words
@@ -61,8 +61,7 @@ class Sweep:
         if isinstance(next(iter(self.views)), str | bool):  # values without an order
             for answer in dict.fromkeys(answers):
                 with_it = [word for word, one in zip(words, answers, strict=True) if one == answer]
-                more = f" and {len(with_it) - _NAMED} more" if len(with_it) > _NAMED else ""
-                parts.append(f"{answer} with {', '.join(with_it[:_NAMED])}{more}")
+                parts.append(f"{answer} with {some(with_it, _NAMED)}")
         else:
             changes = [k for k in range(1, len(words)) if answers[k] != answers[k - 1]]
             parts = [f"{answers[0]} up to {words[changes[0] - 1]}"]

@@ -10,11 +10,9 @@ from functools import cache, partial
 from html import escape
 from importlib.resources import files
 from io import BytesIO
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from tomllib import loads
 from types import SimpleNamespace
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, cast
 from urllib.parse import parse_qsl, urlencode
 
 import numpy as np
@@ -26,8 +24,6 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Choice, Kind, Number, Switch, Text, Words, declared
 from shipnet.figure import HouseFigure, house
 from shipnet.lazy import pd
-
-T = TypeVar("T")
 
 #: Width of a picture [inch], and its resolution [1/inch]; a page shows 100 px per inch.
 _WIDTH, _DPI = 7.5, 150
@@ -342,17 +338,6 @@ class Loaded(NamedTuple):
 
     inputs: Any
     remarks: Sequence[str] = ()
-
-
-def read_file(name: str, content: bytes, read: Callable[[Path], T], suffix: str = ".csv") -> T:
-    """Return what `read` makes of a file with this content; errors state the file's own name."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / f"file{suffix}"
-        path.write_bytes(content)
-        try:
-            return read(path)
-        except InputError as problem:
-            raise InputError(name, *problem.faults, more=problem.more) from None
 
 
 @dataclass(frozen=True)

@@ -350,7 +350,7 @@ class AsiBench(Tool):
             numbers["lost in noise"] = f"{lost} of {TRIES} such responses"
         lines = [f"{number}. {line}" for number, line in enumerate(broken, 1)]
         longest = max(segment.length for segment in plan.segments)
-        own = f"[asi]\ncurrent = {self.current_ma / 1e3:g}\nlength = {longest:g}\n"
+        settings = f"[asi]\ncurrent = {self.current_ma / 1e3:g}\nlength = {longest:g}\n"
         samples = {"time_us": 1e6 * self.wave.t, "voltage_V": self.wave.u}
         return View(
             verdict="\n".join(lines) or f"all rules met: {len(self.result)} checks",
@@ -363,7 +363,7 @@ class AsiBench(Tool):
                 "slaves.csv": as_csv(self.table().reset_index(), digits=5),
                 "waveform.csv": as_csv(pd.DataFrame(samples), digits=5),
             },
-            uses={"ship_design": {"own": own}},
+            uses={"ship_design": {"own": settings}},
         )
 
     def _options(self) -> dict[str, Any]:

@@ -17,9 +17,10 @@ from shipnet.can.offsets import spread_offsets
 from shipnet.can.response import ResponseTimes, response_times
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import choice, record, text, whole
+from shipnet.files import as_file
 from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import Measure, Upload, View, read_file, words
+from shipnet.tools._view import Measure, Upload, View, words
 
 _WORDS = words("can_load")
 
@@ -139,18 +140,13 @@ class CanLoad(Tool):
 def _from_file(inputs: CanLoad, name: str, content: bytes) -> CanLoad:
     """Return the inputs with the messages of a file; a list in text stays as it is written."""
     suffix = Path(name).suffix.lower()
-    suffix = suffix if suffix in _SUFFIXES else ".txt"
-
-    def read(path: Path) -> MessageSet | str:
-        if suffix in (".dbc", ".xlsx") or log_kind(path):
-            return read_messages(path, strict=False)
-        return text_of(content)
-
-    messages = read_file(name, content, read, suffix)
-    if isinstance(messages, str):
-        if "\0" in messages:
-            raise InputError(name, "this is not a text file")
-        return replace(inputs, text=messages)
+    with as_file(name, content, f"file{suffix if suffix in _SUFFIXES else '.txt'}") as path:
+        if suffix not in (".dbc", ".xlsx") and not log_kind(path):
+            text = text_of(content)
+            if "\0" in text:
+                raise InputError(name, "this is not a text file")
+            return replace(inputs, text=text)
+        messages = read_messages(path, strict=False)
     remarks = list(messages.overlooked)
     if messages.observed is not None:
         kinds = messages.observed["kind"].value_counts()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -26,9 +25,10 @@ from shipnet.design.tables import zipped
 from shipnet.design.words import Reading
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_fields, choice, number, record, switch, text
+from shipnet.files import as_file
 from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import Button, Upload, View, read_file, words
+from shipnet.tools._view import Button, Upload, View, words
 
 _WORDS = words("ship_design")
 
@@ -259,14 +259,11 @@ class ShipDesign(Tool):
 
 def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
     """Return the inputs with the I/O list of a file; the cabinet is left empty, to be inferred."""
-
-    def read(path: Path) -> str:
+    with as_file(name, content) as path:
         iolist = read_iolist(path, settings=Settings.parse(inputs.own))
         if content.startswith(b"PK"):
             iolist.save(path)
-        return text_of(path.read_bytes())
-
-    points = read_file(name, content, read)
+        points = text_of(path.read_bytes())
     return replace(inputs, points=points, name=name[-80:], cabinet="")
 
 

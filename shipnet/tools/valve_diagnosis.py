@@ -20,12 +20,13 @@ from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import simulate_valves
 from shipnet.fields import check_choice, check_scalar, choice, number, record, switch, text
+from shipnet.files import as_file
 from shipnet.fuzzy.rules import Decision, RuleBase
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.lazy import pd
 from shipnet.tables import as_csv, text_of
 from shipnet.tools._tool import Tool
-from shipnet.tools._view import Loaded, Measure, Preset, Upload, View, read_file, words
+from shipnet.tools._view import Loaded, Measure, Preset, Upload, View, words
 
 _WORDS = words("valve_diagnosis")
 
@@ -83,11 +84,9 @@ class ValveDiagnosis(Tool):
     @property
     def readings(self) -> Any:
         """The readings for the rules, one per sample."""
-        return (
-            _samples(self.log)
-            if self.log
-            else {name: [getattr(self, name)] for name in _BASE.names}
-        )
+        if self.log:
+            return _samples(self.log)
+        return {name: [getattr(self, name)] for name in _BASE.names}
 
     @property
     def applies(self) -> dict[str, bool]:
@@ -292,14 +291,16 @@ class ValveDiagnosis(Tool):
 
 def _open_log(inputs: ValveDiagnosis, name: str, content: bytes) -> Loaded:
     """Return the inputs with the readings of a file, and what was not used or is missing."""
-    log = read_file(name, content, read_log, Path(name).suffix)
+    with as_file(name, content, f"file{Path(name).suffix}") as path:
+        log = read_log(path)
     text = text_of(as_csv(log.round(6).reset_index()))
     return Loaded(replace(inputs, log=text), [str(one) for one in log.attrs["remarks"]])
 
 
 @lru_cache(maxsize=8)
 def _samples(text: str) -> pd.DataFrame:
-    return read_file("the log", text.encode(), read_log)
+    with as_file("the log", text.encode()) as path:
+        return read_log(path)
 
 
 @record

@@ -135,6 +135,27 @@ def test_the_300_m_plan_without_its_repeaters_gets_them_back():
     assert len(found.plan.supplies) == len(plan.supplies)
 
 
+@pytest.mark.parametrize(
+    ("rule", "high", "verdict"),
+    [
+        ("cable_length", np.nan, "no device to add; every rule is met"),
+        ("cable_length", 0, "no device to add; stays: cable length at segment at a"),
+        ("repeaters_in_series", np.nan, "add repeater b"),
+    ],
+)
+def test_limits_may_be_absent_or_zero(rule, high, verdict):
+    limits = asi.rule_limits()
+    limits.loc[rule, "high"] = high
+    plan = plan_of([("a", "b", 60), ("b", "c", 60)], ["b", "c"])
+    found = plan.improve(limits=limits)
+    assert found.verdict.startswith(verdict)
+
+
+def test_limits_that_lack_a_rule_are_refused():
+    with pytest.raises(ArgumentError, match="limits lack supplies"):
+        plan_of([("a", "b", 9)], ["b"]).improve(limits=asi.rule_limits().drop(index="supplies"))
+
+
 def test_what_no_device_cures_stays_and_is_named():
     found = plan_of([("a", "b", 130)], ["b"]).improve()
     assert found.verdict == "no device to add; stays: cable length at segment at a"

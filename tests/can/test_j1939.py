@@ -319,6 +319,13 @@ def test_every_message_of_the_boat_is_put_together(name):
     assert len(messages) == {"s": 44, "b": 7382}[name[len("sigrok_nmea2000_")]]
 
 
+@pytest.mark.parametrize(("span", "verdict"), [(0.0, "not seen"), (100.0, "missing")])
+def test_a_log_without_a_whole_message_is_compared(span, verdict):
+    stray = cut(noise(20), "BAM", DM1)[1:2] * 2
+    found = can.compare(MessageSet([message(20, "BAM", DM1, period=1.0)]), log_of(stray, [0, span]))
+    assert found.table()["verdict"].tolist() == [verdict]
+
+
 def test_tables_show_the_parts_of_long_identifiers():
     messages = MessageSet([message(43, "fast packet"), Message("s", 3, 8, 1.0)])
     parts = ["priority", "pgn", "source", "destination"]
@@ -433,6 +440,20 @@ def test_a_simulation_counts_messages_and_sends_frames():
     assert len(run.log()) == 70 and run.log().dlc.tolist() == [8] * 70
     assert run.load == pytest.approx(70 * 640e-6 / 0.95)
     assert run.utilisation().worst_response == pytest.approx(0.1 + 7 * 640e-6)
+
+
+@pytest.mark.parametrize(("transport", "size"), CASES)
+def test_the_log_of_a_simulation_has_the_frames_of_its_messages(transport, size):
+    plan = MessageSet([message(size, transport, 0x18EF0501, period=20.0), Message("s", 3, 2, 5.0)])
+    run = can.simulate(plan, 250e3, until=59.0)
+    log = run.log()
+    sent = log.arbitration_id[log.extended].tolist()
+    assert sent == 3 * [number for number, _ in cut(bytes(size), transport, 0x18EF0501)]
+    messages, faults = whole(log, fast=[0xEF00] if transport == "fast packet" else [])
+    to = TO_ALL if transport == "BAM" else 5
+    assert (messages, faults) == (3 * [(0xEF00, 1, to, bytes(size))], ())
+    if transport:
+        assert can.compare(plan, log).ok
 
 
 # Gateways

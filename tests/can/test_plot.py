@@ -7,7 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from shipnet import style
-from shipnet.can.faults import BitErrors
+from shipnet.can.faults import BitErrors, ErrorAt
 from shipnet.can.frame import Frame
 from shipnet.can.messages import Message, MessageSet, example
 from shipnet.can.response import response_times
@@ -85,3 +85,11 @@ def test_a_counter_is_that_of_the_simulation(ax):
     assert time[off + 1] - time[off] >= 128 * 11 / 125
     with pytest.raises(ArgumentError, match="sender is 'x'"):
         run.plot_errors("x")
+
+
+def test_a_message_without_a_sender_is_its_own_sender(ax):
+    messages = MessageSet([Message("alone", 1, 8, 0.01)])
+    run = simulate(messages, 125_000, until=0.2, faults=[ErrorAt(0.011)])
+    run.plot_errors("alone", ax=ax)
+    count = ax.lines[0].get_ydata()
+    assert (count.max(), count[-1]) == (8, run.nodes()["tec"]["alone"]) == (8, 0)

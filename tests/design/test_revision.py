@@ -1,5 +1,7 @@
 """A design of a revised list keeps the boxes, channels, terminals and cables of the first."""
 
+from dataclasses import replace
+
 import pandas as pd
 import pytest
 
@@ -159,6 +161,7 @@ def test_a_difference_counts_points_cables_and_money(designs):
     assert back["total_cost_eur"] == -row["total_cost_eur"]
     sentence = f"CAN compared with {first.iolist.source}: {row['words']}."
     assert sentence in second.conclusions()
+    assert second.add(replace(second.designs["CAN"], name="again")).previous is first
 
 
 def test_another_ship_is_compared_too():

@@ -344,7 +344,7 @@ def test_a_full_disk_is_named_and_leaves_the_old_file(name, tmp_path, capsys):
         assert not old or (file.read_text() == old and len(list(file.parent.iterdir())) == 1)
 
 
-def test_a_folder_keeps_its_other_files_and_a_device_is_not_replaced(tmp_path, capsys):
+def test_a_folder_keeps_its_other_files_a_device_itself_and_a_file_its_mode(tmp_path, capsys):
     messages = str(datasets.path("synthetic_can_lee2012.csv"))
     folder, link = tmp_path / "folder", tmp_path / "link"
     folder.mkdir()
@@ -356,3 +356,6 @@ def test_a_folder_keeps_its_other_files_and_a_device_is_not_replaced(tmp_path, c
     (tmp_path / "a.csv").symlink_to("/dev/null")
     assert main(["can", messages, "-o", str(tmp_path / "a.csv")]) == 0
     assert (tmp_path / "a.csv").resolve() == Path("/dev/null")
+    (tmp_path / "b.csv").touch(mode=0o600)
+    assert main(["can", messages, "-o", str(tmp_path / "b.csv")]) == 0
+    assert (tmp_path / "b.csv").stat().st_mode & 0o777 == 0o600

@@ -169,6 +169,13 @@ def test_an_order_is_what_its_table_says():
     assert max(best_order(rows_of([0.01] * 3, [0.02, 1000.0, 1000.0]))[0]) == 64
 
 
+def test_namesakes_are_told_apart_by_address_and_blocks_by_register(table):
+    rows = ["fan,1,100", "fan,2,100", "fan,2,200", "pump,3,0", "pump,3,9"]
+    text = "\n".join(["device,address,register,registers", *(f"{row},1" for row in rows)])
+    names = ["fan 1", "fan 2 FC3 100", "fan 2 FC3 200", "pump FC3 0", "pump FC3 9"]
+    assert modbus.scan(table(text)).slaves().index.tolist() == names
+
+
 def test_dead_devices_and_those_without_a_period_are_not_judged(table):
     one = modbus.scan(table(TITLES + "a,1,0,1,,10,,,yes,,\nb,2,0,1,,,,,,,"))
     assert one.ok is None
@@ -281,6 +288,14 @@ def test_slaves_of_several_hosts_and_coils_of_7_are_refused(table):
     with pytest.raises(InputError, match="expected 1 value or 3"):
         read_slaves(table(f"{titles}a,1,0,3,5,,1 2"))
     assert set(read_slaves(table(f"{titles}a,255,0,1,5,,"))) == {0}
+
+
+def test_two_values_of_a_register_are_refused(table):
+    text = "address,register,registers,function,values\n1,10,4,3,1 2 3 4\n1,12,2,16,{}\n1,8,4,3,"
+    device = read_slaves(table(text.format("3 4")))[1].device
+    assert device.read("holding_registers", 8, 6, 0.0) == [0, 0, 1, 2, 3, 4]
+    with pytest.raises(InputError, match=r"row 3: address 12 has another value in an earlier row"):
+        read_slaves(table(text.format("9")))
 
 
 def test_the_command_prints_the_slaves_and_their_cases(table, tmp_path, capsys):
