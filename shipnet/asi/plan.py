@@ -227,7 +227,8 @@ class Plan:
         """Return the only segment, or raise an error that names `what` if there are several."""
         if len(self.segments) != 1:
             raise ArgumentError(
-                f"{what} needs a plan of one segment; this one has {len(self.segments)}"
+                f"{what} needs a plan of one segment; this one has {len(self.segments)}: "
+                "make a plan of each without the repeaters"
             )
         return self.segments[0]
 

@@ -45,7 +45,7 @@ from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings, kind_of, names
 from shipnet.design.tables import file_name, save_files
 from shipnet.errors import ArgumentError, some
-from shipnet.fields import check_choice, check_rng
+from shipnet.fields import check_choice, check_kind, check_rng
 from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv
@@ -383,7 +383,7 @@ class Comparison:
 
     def add(self, *designs: Design) -> Comparison:
         """Return a comparison that also contains further designs of the same points."""
-        every = [*self.designs.values(), *designs]
+        every = [*self.designs.values(), *(check_kind("design", one, Design) for one in designs)]
         return replace(compared(every, self.rules, self.rng, self.remarks), previous=self.previous)
 
     def diff(self, other: Comparison) -> pd.DataFrame:

@@ -291,7 +291,7 @@ def error_rate(
     if receiver.matched and minimum > highest:
         raise ArgumentError(
             f"minimum is {minimum:g} V; with a matched filter the formula holds up to "
-            f"{highest:.3g} V, {_HIGHEST_MINIMUM:g} of the first pulse; use rare_error_rates"
+            f"{highest:.3g} V, {_HIGHEST_MINIMUM:g} of the first pulse; use emc.rare_error_rates"
         )
     rates = []
     for one in sigma:
