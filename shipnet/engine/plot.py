@@ -36,7 +36,7 @@ _LABELS = {name: f"{name} interrupt" for name in ("CAN", "timer", "Modbus")}
 _SENDERS = ("0.25", "0.55", "0.8")
 
 #: Maximum number of bars, least tiles per row that show tags, size of their text [1/72 inch].
-_MOST_BARS, _TAGGED, _SIZE = 5000, 9, 9
+_MOST_BARS, _TAGGED, _SIZE = 5000, 9, 10
 
 
 @style.applied
@@ -122,7 +122,7 @@ def plot_screen(
     shown = [table[name].tolist() for name in ("tag", "value", "unit", "age_s", "mark")]
     for tile, (tag, value, unit, age, mark) in enumerate(zip(*shown, strict=True)):
         y, x = divmod(tile, columns)
-        colour, text, ink = "#d6eaf8", f"{value:g} {unit}".rstrip(), "0.1"
+        colour, text, ink = "#d6eaf8", f"{value:g} {style.sign(unit)}".rstrip(), "0.1"
         if mark:
             colour, text, ink = "0.2", mark, "1.0"
         elif age > old:

@@ -29,11 +29,11 @@ drawing("chung1998", "Fig 3", figsize=(4, 3.6))(
 )
 
 
-@drawing("chung1998", "Fig 4")
+@drawing("chung1998", "Fig 4", figsize=(8, 2.4))
 def _packets(*, items: Mapping[int, int] | None = None, ax: Axes) -> Axes:
     """Draw the bytes of the same data in the three readings of the packet."""
     sent = items or {0: 1, 3: 120, 4: 0x1234}
-    flag, item = ["flag"], ["number", "low", "high"]
+    flag, item = ["flag"], ["item", "low", "high"]
     a, b = (MarkerFormat(reading).encode(sent) for reading in ("A", "B"))
     c = b"".join(MarkerFormat("A").encode({number: sent[number]}) for number in sent)
     rows = {
@@ -41,7 +41,7 @@ def _packets(*, items: Mapping[int, int] | None = None, ax: Axes) -> Axes:
         "reading B": (b, flag + len(sent) * (flag + item) + flag),
         "reading C": (c, len(sent) * (flag + flag + item + flag)),
     }
-    kinds = {"flag": "control", "number": "address", "low": "information", "high": "parity"}
+    kinds = {"flag": "control", "item": "address", "low": "information", "high": "parity"}
     return fields(
         ax,
         {
