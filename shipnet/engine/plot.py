@@ -131,7 +131,7 @@ def plot_screen(
         if columns < _TAGGED:
             words.append((x + 0.47, y + 0.45, text, ink))
         else:
-            words += [(x + 0.47, y + 0.63, text, ink), (x + 0.47, y + 0.27, tag[-7:], ink)]
+            words += [(x + 0.47, y + 0.65, text, ink), (x + 0.47, y + 0.25, tag[-7:], ink)]
     for hatch, some in tiles.items():
         corners = [[(x, y), (x + 0.94, y), (x + 0.94, y + 0.9), (x, y + 0.9)] for x, y, _ in some]
         colours = [colour for *_, colour in some]
