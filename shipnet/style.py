@@ -89,7 +89,7 @@ def axes(ax: Axes | None = None, **options: Any) -> Axes:
 
 def sign(unit: str) -> str:
     """Return a unit as figures write it; code and files write it in ASCII."""
-    return {"us": "µs", "degC": "°C", "ohm": "Ω"}.get(unit, unit)
+    return {"us": "µs", "degC": "°C", "ohm": "Ω", "kg/cm2": "kg/cm²"}.get(unit, unit)
 
 
 def literal(text: object) -> str:
