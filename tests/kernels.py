@@ -94,13 +94,18 @@ def can_disturbances(draw):
 
 @st.composite
 def can_columns(draw, one):
-    """Draw frames, periods and jitters of CAN messages; a bit time has up to 2 ** 41 ticks."""
+    """Draw frames, periods and jitters of CAN messages; a bit time has up to 2 ** 41 ticks.
+
+    A message has up to four frames.
+    """
     n = draw(st.integers(1 if one else 0, 5))
     tick = draw(st.sampled_from([1, 8000, 2**41]))
-    columns = [
+    frame, period, jitter = (
         array("q", [tick * draw(st.integers(low, high)) for _ in range(n)])
         for low, high in ((47, 160), (47, 2000), (0, 3000))
-    ]
+    )
+    all_frames = array("q", [draw(st.integers(1, 4)) * length for length in frame])
+    columns = frame, all_frames, period, jitter
     burst = draw(st.integers(0, 3))
     interval = tick * draw(st.integers(100, 10**5)) if burst else 2**62
     message = (0, draw(st.integers(0, n - 1))) if one else ()
@@ -110,10 +115,11 @@ def can_columns(draw, one):
 @st.composite
 def waits(draw):
     """Draw the arguments of `wait` from those of `instances`, with a load below 1."""
-    _, m, C, T, J, tau, burst, interval, error, _ = draw(can_columns(one=True))
-    T = array("q", [8 * period + 1000 * tau for period in T])
+    _, m, C, S, T, J, tau, burst, interval, error, _ = draw(can_columns(one=True))
+    T = array("q", [8 * period + 5000 * tau for period in T])
     w, q, B = (tau * draw(st.integers(0, most)) for most in (0, 3, 160))
-    return w, m, q // tau, B, C, T, J, tau, burst, max(interval, 10**4 * tau), error + max(C)
+    interval = max(interval, 10**4 * tau)
+    return w, m, q // tau, B, C, S, T, J, tau, burst, interval, error + max(C)
 
 
 def _columns(rows, n):

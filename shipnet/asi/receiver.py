@@ -427,8 +427,7 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     even = 1 + _EVEN
     threshold, minimum = receiver.threshold * even, max(receiver.minimum, _LEAST) * even
     values = half_bit, n_bits, threshold, minimum, window, near, even
-    # The filter, the search for the first peak, the looks at the slots, and their checks.
-    steps = len(rows) * (2 * len(taps) + 2 * near + (2 * n_bits + 2) * (2 * window + 4))
+    steps = len(rows) * (2 * near + (2 * n_bits + 2) * (2 * window + 2))
     slots, places, (peak, *heights) = listen_to_rows.run(steps, rows, mean, taps, values)
     bits, error = decided(slots, places)
     error[np.isnan(peak)] = SilenceError.code

@@ -229,7 +229,7 @@ def analyse(
     -------
     Analysis
         The response times at each bit rate, and the best priority order. Response times of messages
-        from a log begin when a message is queued, and are compared with the periods.
+        from a log begin when a frame is queued.
 
     Raises
     ------
@@ -249,29 +249,38 @@ def analyse(
     if not rates or not all(1000 <= rate <= 1e6 and rate % 1 == 0 for rate in rates):
         raise ArgumentError(f"bit_rates is {bit_rates!r}; each must be whole, 1000..1000000 bit/s")
     message_set = _messages(messages, period)
-    assumptions = Assumptions()
-    if message_set.observed is not None:
-        assumptions = Assumptions(own_jitter=False)
-        queued = (
-            replace(message, deadline=message.deadline - message.jitter) for message in message_set
-        )
-        message_set = MessageSet(queued, observed=message_set.observed)
-    responses = {
-        rate: response_times(message_set, rate, assumptions=assumptions, faults=faults)
-        for rate in rates
-    }
+    respond = response_times if message_set.observed is None else _from_queue
+    responses = {rate: respond(message_set, rate, faults=faults) for rate in rates}
     lowest = min((rate for rate, times in responses.items() if times.met), default=math.inf)
     if any(message.session for message in message_set):  # in the only order there is
         best = Assignment(message_set, lowest < math.inf, ())
         return Analysis(message_set, responses, lowest, best, lowest)
-    best = audsley(message_set, min(lowest, rates[-1]), assumptions=assumptions, faults=faults)
+    best = audsley(message_set, min(lowest, rates[-1]), faults=faults)
     lowest_best = min(lowest, rates[-1]) if best.feasible else math.inf
     for rate in reversed([rate for rate in rates if rate < lowest_best < math.inf]):
-        other = audsley(message_set, rate, assumptions=assumptions, faults=faults)
+        other = audsley(message_set, rate, faults=faults)
         if not other.feasible:
             break
         best, lowest_best = other, rate
     return Analysis(message_set, responses, lowest, best, lowest_best)
+
+
+def _from_queue(
+    messages: MessageSet, bit_rate: float, *, faults: ErrorBound | None
+) -> ResponseTimes:
+    """Return the response times to the messages of a log, whose jitter is due to bursts.
+
+    They begin when a frame is queued. Frame q of a burst must be sent within q + 1 periods, so a
+    burst that is in time has a period more than its jitter, and one that is late only a period.
+    """
+    from_event = response_times(messages, bit_rate, faults=faults)
+    judged = [
+        one if from_event[one.name].met else replace(one, deadline=one.deadline - one.jitter)
+        for one in messages
+    ]
+    return response_times(
+        MessageSet(judged), bit_rate, assumptions=Assumptions(own_jitter=False), faults=faults
+    )
 
 
 def _messages(source: MessageSet | Log | str | PathLike[str], period: float | None) -> MessageSet:

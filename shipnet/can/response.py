@@ -181,7 +181,7 @@ def all_instances(
 class Bus(NamedTuple):
     """A message set on a bus in the symbols of `wait`, with times in ticks.
 
-    D contains the deadlines; `extra` is what the reported response times contain in addition to R.
+    D contains the deadlines. `spared` is the intermission that a response time does not contain.
     `steps` is about how many steps the kernels take for all messages.
     """
 
@@ -192,7 +192,8 @@ class Bus(NamedTuple):
     T: Column
     J: Column
     D: Column
-    extra: Column
+    spared: int
+    own_jitter: bool
     tau: int
     burst: int
     interval: int
@@ -203,6 +204,16 @@ class Bus(NamedTuple):
         """The arguments of the kernels."""
         errors = self.burst, self.interval, self.error
         return self.C, self.S, self.T, self.J, self.tau, *errors, _MOST
+
+    def responses(self, m: int, R: Sequence[int]) -> list[int]:
+        """Return the response times of message m's instances, from the event or from the queue.
+
+        An instance q is queued at least qT - J after the first one.
+        """
+        before_queue = 0 if self.own_jitter else self.J[m]
+        return [
+            total - self.spared - max(0, before_queue - q * self.T[m]) for q, total in enumerate(R)
+        ]
 
 
 def on_bus(
@@ -246,9 +257,6 @@ def on_bus(
         return [value * factor for value in values.tolist()]  # integers of Python have no limit
 
     periods, deadlines, jitters = (column(row, ticks) for row in times[:3] // unit)
-    extra = [-INTERMISSION * bit if assumptions.intermission == "between" else 0] * number
-    if not assumptions.own_jitter:
-        extra = [spared - jitter for spared, jitter in zip(extra, jitters, strict=True)]
     interval = NEVER**2 if never else interval // unit * ticks
     return Bus(
         steps if fast else 0,
@@ -258,7 +266,8 @@ def on_bus(
         periods,
         jitters,
         deadlines,
-        extra,
+        INTERMISSION * bit if assumptions.intermission == "between" else 0,
+        assumptions.own_jitter,
         bit,
         errors.burst,
         min(interval, NEVER) if fast else interval,
@@ -527,12 +536,11 @@ def response_times(
     frame = max(waits, default=math.inf) / bus.second
     lengths = messages.lengths(assumptions.stuffing)
     items, first, second = [], 0, bus.second
-    for message, bits, D, extra, B, t, end in zip(
-        messages, lengths, bus.D, bus.extra, blocking, busy_periods, ends, strict=True
+    for m, (message, bits, D, B, t, end) in enumerate(
+        zip(messages, lengths, bus.D, blocking, busy_periods, ends, strict=True)
     ):
         # A busy period of -1 never ends.
-        responses: list[float] = [ticks + extra for ticks in R[first:end]]
-        responses = responses or [math.inf]
+        responses: list[float] = [*bus.responses(m, R[first:end])] or [math.inf]
         if message.session:  # all sessions count as having a higher priority than the last one
             response = _session(message, messages, assumptions.gap, frame)
             responses, t = [response * second], math.nan
@@ -697,7 +705,7 @@ def audsley(
     left = messages.deadline_monotonic()
     bus = on_bus(left, bit_rate, assumptions, faults or NO_ERRORS)
     names = list(left.names)
-    columns: list[MutableSequence[Any]] = [names, bus.C, bus.S, bus.T, bus.J, bus.D, bus.extra]
+    columns: list[MutableSequence[Any]] = [names, bus.C, bus.S, bus.T, bus.J, bus.D]
     level = len(left) - 1
 
     def move(index: int, to: int) -> None:
@@ -708,7 +716,7 @@ def audsley(
         for index in range(level, -1, -1):
             move(index, level)
             _, t, R = instances.run(bus.steps, 0, level, *bus.terms)
-            if t >= 0 and max(R) + bus.extra[level] <= bus.D[level]:
+            if t >= 0 and max(bus.responses(level, R)) <= bus.D[level]:
                 break
             move(level, index)
         else:

@@ -23,6 +23,7 @@ from shipnet.fields import check_choice, check_scalar, choice, number, record, s
 from shipnet.fuzzy.rules import Decision, RuleBase
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.lazy import pd
+from shipnet.tables import as_csv, text_of
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Loaded, Measure, Preset, Upload, View, read_file, words
 
@@ -284,7 +285,7 @@ class ValveDiagnosis(Tool):
 def _open_log(inputs: ValveDiagnosis, name: str, content: bytes) -> Loaded:
     """Return the inputs with the readings of a file, and what was not used or is missing."""
     log = read_file(name, content, read_log, Path(name).suffix)
-    text = log.round(6).to_csv(lineterminator="\n")
+    text = text_of(as_csv(log.round(6).reset_index()))
     return Loaded(replace(inputs, log=text), [str(one) for one in log.attrs["remarks"]])
 
 

@@ -413,7 +413,7 @@ def test_can_fd_and_error_flags_are_named(save):
         (session([1]), "number of samples is 1"),
         (session([0, 1] * 50, metadata="unitsize=3\n"), "its unitsize is 3; expected 1, 2, 4 or 8"),
         (session([0, 1] * 50, metadata="capturefile=other\n"), "a part of other is missing"),
-        (session(np.zeros(20_000_000)), "it unpacks to 20000000 bytes of logic; at most 1"),
+        (session(np.zeros(20_000_000)), "it unpacks to 20000000 bytes of logic; at most 4194304"),
     ],
 )
 def test_bad_sessions_are_refused(content, message, save, monkeypatch):

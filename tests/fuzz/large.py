@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from targets import REFUSALS, TARGETS
 
 #: Size of the inputs [byte], and limits for one: processor time [s], peak memory [MB].
 LARGE, SECONDS, MEGABYTES = 10**6 - 10**4, 5, 500
@@ -457,6 +456,8 @@ def inputs(name: str, seed: bytes) -> Iterator[tuple[str, Make]]:
 
 def forked(job: Callable[[], object]) -> tuple[float, float, str]:
     """Return the processor time [s], peak memory [MB] and failure of a job in a new process."""
+    from targets import REFUSALS
+
     child = os.fork()
     if not child:
         resource.setrlimit(resource.RLIMIT_CPU, (HANGS, HANGS))
@@ -481,6 +482,8 @@ def forked(job: Callable[[], object]) -> tuple[float, float, str]:
 
 def costs(name: str, file: Path) -> Iterator[Cost]:
     """Yield the cost of each large input of a target; the inputs are written to a file."""
+    from targets import TARGETS
+
     target = TARGETS[name]
 
     def read(make: Make, size: int) -> tuple[float, float, str]:
@@ -506,6 +509,8 @@ def costs(name: str, file: Path) -> Iterator[Cost]:
 
 def main() -> int:
     """Print the costs of the largest inputs of some targets."""
+    from targets import TARGETS
+
     failed, folder = 0, Path("build/fuzz")
     folder.mkdir(parents=True, exist_ok=True)
     for name in sys.argv[1:] or TARGETS:
