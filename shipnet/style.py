@@ -87,6 +87,11 @@ def axes(ax: Axes | None = None, **options: Any) -> Axes:
     return ax
 
 
+def sign(unit: str) -> str:
+    """Return a unit as figures write it; code and files write it in ASCII."""
+    return {"us": "µs", "degC": "°C", "ohm": "Ω", "kg/cm2": "kg/cm²"}.get(unit, unit)
+
+
 def literal(text: object) -> str:
     """Return text that may come from a file for a figure, where dollar signs mark no formula."""
     return str(text).replace("$", r"\$")

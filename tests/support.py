@@ -2,6 +2,7 @@
 
 import csv
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -94,3 +95,27 @@ def load(upload: object, content: bytes, name: str = "a.csv") -> None:
     """Give a file to an upload button as the browser does."""
     about = {"type": "", "size": len(content), "last_modified": datetime(2026, 1, 1)}
     upload.value = [{"name": name, "content": memoryview(content), **about}]
+
+
+#: Units that a figure writes with their own signs, and marks of numbers without a unit.
+_ASCII = re.compile(r"\b(us|degC|k?ohm)\b|\[[-1]\]")
+
+
+def figure_faults(figure: Any) -> list[str]:
+    """Return the texts of a figure that break a rule: size, units, and the name of each limit."""
+    from matplotlib.text import Text
+
+    from shipnet.style import LIMIT
+
+    figure.canvas.draw()
+    texts = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text()]
+    small = [text for text in texts if text.get_fontsize() < 10 and figure.get_figwidth() <= 6.5]
+    faults = [f"{text.get_fontsize():g} pt: {text.get_text()}" for text in small]
+    faults += [text.get_text() for text in texts if _ASCII.search(text.get_text())]
+    named = {text.get_text() for text in texts}
+    red = any(text.get_color() == LIMIT["color"] for text in texts)
+    for line in (line for ax in figure.axes for line in ax.lines):
+        if (line.get_color(), line.get_linestyle()) == (LIMIT["color"], LIMIT["linestyle"]):
+            if not red and line.get_label() not in named:
+                faults.append("a limit without its name")
+    return faults

@@ -162,6 +162,9 @@ def cell_faults(cell, number):
         r"\bax(?:es\[\d\])?\.ax[hv]line\(-?[\d.]+[,)]|style\.limit\(\w+, -?[\d.]+[,)]", cell.source
     ):
         yield f"draws a limit from a typed number, {typed[0]}; name it, or take it from its model"
+    label = re.search(r"\[(us|degC|k?ohm|-|1)\]['\"]", cell.source)
+    if label and "plt.show()" in cell.source:
+        yield f"labels a figure {label[1]}; write µs, °C, Ω, and nothing for no unit"
     if len(cell.source.splitlines()) > 15:
         yield "has more than 15 lines; they belong in the package"
     for output in cell.outputs:
@@ -227,6 +230,7 @@ def sample(**changes):
         ({"metadata": {"tags": ["widget"]}}, "widget cell is stored with output"),
         ({"source": "import urllib.request"}, "network"),
         ({"source": "style.limit(ax, -2.5)"}, "limit from a typed number"),
+        ({"source": 'ax.set_xlabel("time [us]")\nplt.show()'}, "labels a figure us"),
         ({"source": "x = 1\n" * 16}, "more than 15 lines"),
         ({"source": ""}, "empty"),
         ({"source": "from shipnet import nothing"}, "not public"),

@@ -557,7 +557,7 @@ class Capture:
                 if error != "ok" and middle - named > per_inch:
                     ax.text(middle * 1e6, 1.1 if legible else 1.02, error, color=red, **there)
                     named = middle
-        ax.set(xlim=(start * 1e6, stop * 1e6), xlabel="time [us]", ylabel="voltage [V]")
+        ax.set(xlim=(start * 1e6, stop * 1e6), xlabel="time [µs]", ylabel="voltage [V]")
         return ax
 
     def __str__(self) -> str:

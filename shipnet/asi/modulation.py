@@ -273,11 +273,11 @@ class Modulation:
         for ax, (values, colour, label) in zip(middle, signals, strict=True):
             ax.plot(t * 1e6, values, color=colour)
             ax.set(ylabel=label)
-        axes[-1].set_xlabel("time [us]")
+        axes[-1].set_xlabel("time [µs]")
         if len(axes) == 3:
             axes[0].step(edges, [*self.levels, 1], where="post")
             _write_bits(axes[0], bits, 1.25, va="baseline")
-            axes[0].set(ylabel="level [1]", ylim=(-0.2, 1.7))
+            axes[0].set(ylabel="level", ylim=(-0.2, 1.7))
             return axes
         pulses = self.pulses
         for ax, row, what in [
@@ -286,14 +286,14 @@ class Modulation:
         ]:
             ax.step(edges[::2], [int(bit) for bit in row + row[-1]], where="post", color="C0")
             _write_bits(ax, row, 0.5)
-            ax.set(ylabel="level [1]", ylim=(-0.2, 1.2), title=what)
+            ax.set(ylabel="level", ylim=(-0.2, 1.2), title=what)
         axes[1].step(edges, [*self.levels, self.levels[-1]], where="post", color="C0")
-        axes[1].set(ylabel="level [1]", ylim=(-0.2, 1.2), title="2 Manchester code")
+        axes[1].set(ylabel="level", ylim=(-0.2, 1.2), title="2 Manchester code")
         axes[2].set_title("3 send current")
         axes[3].set_title("4 voltage on the line")
         slots = np.flatnonzero(pulses)
         axes[4].stem((slots + 0.5) * HALF_BIT * 1e6, pulses.signs[slots], basefmt="0.7")
-        axes[4].set(ylabel="pulse [1]", ylim=(-1.4, 1.4), title="5 pulses at the receiver")
+        axes[4].set(ylabel="pulse", ylim=(-1.4, 1.4), title="5 pulses at the receiver")
         return axes
 
 
@@ -463,7 +463,7 @@ class Pulses:
             if slot in faults:
                 ax.axvspan(slot, slot + 1, color=colour, alpha=0.15, linewidth=0)
         ax.set(xlim=(0, self.signs.size), ylim=(-1.3, 1.3), yticks=[-1, 0, 1])
-        ax.set(xlabel="slot [half-bit]", ylabel="pulse [1]")
+        ax.set(xlabel="slot [half-bit]", ylabel="pulse")
         return ax
 
 

@@ -139,7 +139,7 @@ class Reception(NamedTuple):
             threshold = abs(heights[1]) * receiver.threshold
             for level in (threshold, -threshold):
                 style.limit(ax, level, "threshold")
-        ax.set(xlim=(-5, end), xlabel="time [us]", ylabel="voltage at the master [V]")
+        ax.set(xlim=(-5, end), xlabel="time [µs]", ylabel="voltage at the master [V]")
         style.legend(ax)
         return ax
 
@@ -494,6 +494,6 @@ class Eye(NamedTuple):
         for level in (TOLERANCE.ringing, -TOLERANCE.ringing):
             style.limit(ax, level, "ringing")
         ax.set(xlim=(t[0], t[-1]), ylim=(-1.05, 1.05))
-        ax.set(xlabel="time from the middle [us]", ylabel="voltage / largest [1]")
+        ax.set(xlabel="time from the middle [µs]", ylabel="voltage / largest")
         style.legend(ax)
         return ax

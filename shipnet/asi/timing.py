@@ -159,7 +159,7 @@ class Transaction:
             "top",
             functions=(lambda bits: np.multiply(bits, bit_us), lambda us: np.divide(us, bit_us)),
         )
-        top.set_xlabel("time [us]")
+        top.set_xlabel("time [µs]")
         return ax
 
 

@@ -167,7 +167,7 @@ class Run:
         for look, channel in zip(looks, CHANNELS, strict=True):
             full, label = _FULL[channel.name], channel.name
             if label != "VPos":
-                label = f"{channel.name}, 100 % = {full:g} {channel.unit}"
+                label = f"{channel.name}, 100 % = {full:g} {style.sign(channel.unit)}"
             ax.plot(frame.index, 100 * frame[channel.column] / full, look, label=label)
         ax.set(xlabel="time [s]", ylabel="of full scale [%]")
         ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
@@ -392,7 +392,7 @@ class Diagnosis:
         ax.barh(names, strength, color=colours)
         ax.invert_yaxis()
         ax.axvline(self.threshold, color="0.3", linestyle=":", linewidth=1)
-        ax.set(xlim=(0, 1.02), xlabel="greatest firing strength [-]")
+        ax.set(xlim=(0, 1.02), xlabel="greatest firing strength")
         (codes,) = base.active_codes(active[np.newaxis])
         others = f", also {', '.join(codes.split()[1:])}" if " " in codes else ""
         top = self._overall[valve - 1]

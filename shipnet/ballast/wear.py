@@ -201,9 +201,9 @@ class Wear:
             return self.stroke_time[rows, k], LIMIT, "stroke time [s]"
         pressure = self.FP[rows, k]
         if predictor == "leak":
-            return leak_from_pressure(pressure), limit_leak(), "leak of the pump [m3/(s Pa)]"
+            return leak_from_pressure(pressure), limit_leak(), "leak of the pump [m³/(s Pa)]"
         worn = float(WORN.membership(mid_pressure(limit_leak())))
-        return WORN.membership(pressure), worn, "membership of FP in worn [1]"
+        return WORN.membership(pressure), worn, "membership of FP in worn"
 
 
 @dataclass(frozen=True, eq=False)

@@ -221,7 +221,7 @@ class Signals:
             ax.axhline(level, lw=1, color=red, linestyle=style.LIMIT["linestyle"])
             ax.annotate(
                 name,
-                (0, level),
+                (1, level),
                 (3, 2 if above else -2),
                 xycoords=("axes fraction", "data"),
                 textcoords="offset points",
@@ -236,7 +236,7 @@ class Signals:
         for when, bit in zip(at, self.bits[row], strict=True):
             ax.annotate("?" if bit < 0 else str(bit), (when, 1.06 * top), ha="center")
         ax.set(
-            xlabel="time [us]",
+            xlabel="time [µs]",
             ylabel="voltage [V]",
             xlim=(0, self.t[-1] * 1e6),
             ylim=(min(-0.2, 1.1 * float(np.min(self.v[row]))), 1.2 * top),

@@ -462,7 +462,7 @@ class Tornado:
         ax.axvline(base, color="0.25", linewidth=1)
         ax.set_yticks(y, [words(name) for name in names])
         ax.set_ylim(max(len(names), 1) - 0.5, -0.5)
-        ax.set_xlabel(f"{self.subject} [{self.unit}]" if self.unit else self.subject)
+        ax.set_xlabel(f"{self.subject} [{style.sign(self.unit)}]" if self.unit else self.subject)
         ax.locator_params(axis="x", nbins=6)
         ax.grid(visible=False, axis="y")
         low, high = ax.get_xlim()

@@ -96,7 +96,7 @@ def _plot_asi(
         _box(ax, 5, -row, 1.3, 0.72, f"slave {row + 1}", _MODULE)
         local = hardwired_conductors(Counter(points["signal"]))
         ax.plot([6.36, 7.94], [-row, -row], color="0.25", linewidth=2)
-        words, above = f"{local} short conductors", -row + 0.06
+        words, above = f"{local} conductors", -row + 0.06
         ax.text(7.15, above, words, ha="center", va="bottom", color="0.25")
     supply = f"{ASI_PAIR} conductors, data and supply"
     ax.text(4.5, 0.45, supply, ha="right", color="#8a6d00")

@@ -32,25 +32,20 @@ _TASKS = {
 #: Legend labels of tasks with the same name as a bus or a device.
 _LABELS = {name: f"{name} interrupt" for name in ("CAN", "timer", "Modbus")}
 
-#: Greys of the frames on the bus, by sender.
-_SENDERS = ("0.25", "0.55", "0.8")
-
 #: Maximum number of bars, least tiles per row that show tags, size of their text [1/72 inch].
-_MOST_BARS, _TAGGED, _SIZE = 5000, 9, 9
+_MOST_BARS, _TAGGED, _SIZE = 5000, 9, 10
 
 
 @style.applied
 def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
-    """Draw the work of CPUs and lines as rows of bars; each CAN sender has one shade of grey."""
+    """Draw the work of CPUs and lines as rows of bars; each CAN sender has its own row."""
     if not 1 <= len(table) <= _MOST_BARS:
         raise ArgumentError(f"table has {len(table)} rows; it must have 1..{_MOST_BARS}")
     ax = style.axes(ax)
-    names = [str(name) for name in table["row"].unique()]
-    looks = dict(_TASKS)
-    for sender in table.loc[table["row"] == "CAN", "task"].unique():
-        looks[str(sender)] = (_SENDERS[(len(looks) - len(_TASKS)) % len(_SENDERS)], "")
-    for (row, task), bars in table.groupby(["row", "task"], sort=False):
-        colour, hatch = looks[str(task)]
+    rows = table["row"].where(table["row"] != "CAN", "CAN, " + table["task"])
+    names = [str(name) for name in rows.unique()]
+    for (row, task), bars in table.groupby([rows, "task"], sort=False):
+        colour, hatch = _TASKS.get(str(task), ("0.35", ""))
         spans = list(zip(bars["start_ms"], bars["end_ms"] - bars["start_ms"], strict=True))
         ax.broken_barh(
             spans,
@@ -58,17 +53,12 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
             facecolors=colour,
             hatch=hatch,
             edgecolor="white" if hatch else colour,
-            linewidth=0.2,
+            linewidth=0.2 if hatch else 0.6,
         )
-    used = [task for task in looks if task in set(table["task"])]
     handles = [
-        Patch(
-            facecolor=looks[t][0],
-            hatch=looks[t][1],
-            edgecolor="white",
-            label=_LABELS.get(t, t) if t in _TASKS else f"frame of {style.literal(t)}",
-        )
-        for t in used
+        Patch(facecolor=colour, hatch=hatch, edgecolor="white", label=_LABELS.get(task, task))
+        for task, (colour, hatch) in _TASKS.items()
+        if task in set(table["task"])
     ]
     style.legend(ax, handles=handles)
     ax.set_yticks(range(len(names)), [*map(style.literal, names)])
@@ -122,7 +112,7 @@ def plot_screen(
     shown = [table[name].tolist() for name in ("tag", "value", "unit", "age_s", "mark")]
     for tile, (tag, value, unit, age, mark) in enumerate(zip(*shown, strict=True)):
         y, x = divmod(tile, columns)
-        colour, text, ink = "#d6eaf8", f"{value:g} {unit}".rstrip(), "0.1"
+        colour, text, ink = "#d6eaf8", f"{value:g} {style.sign(unit)}".rstrip(), "0.1"
         if mark:
             colour, text, ink = "0.2", mark, "1.0"
         elif age > old:
@@ -131,7 +121,7 @@ def plot_screen(
         if columns < _TAGGED:
             words.append((x + 0.47, y + 0.45, text, ink))
         else:
-            words += [(x + 0.47, y + 0.63, text, ink), (x + 0.47, y + 0.27, tag[-7:], ink)]
+            words += [(x + 0.47, y + 0.65, text, ink), (x + 0.47, y + 0.25, tag[-7:], ink)]
     for hatch, some in tiles.items():
         corners = [[(x, y), (x + 0.94, y), (x + 0.94, y + 0.9), (x, y + 0.9)] for x, y, _ in some]
         colours = [colour for *_, colour in some]

@@ -278,7 +278,7 @@ class Variable:
     @property
     def label(self) -> str:
         """Text on an axis."""
-        unit = f"[{self.unit}]" if self.unit else ""
+        unit = f"[{style.sign(self.unit)}]" if self.unit else ""
         return style.literal(f"{self.english} {self.name} {unit}".strip())
 
     @property

@@ -271,8 +271,8 @@ class Loop:
             )
             if bad:
                 words = "\n".join(str(f) for f in cables if f.section == k)
-                at = 1.15 * np.cos(arc[6]), 1.15 * np.sin(arc[6])
-                ax.text(*at, words, color=red, ha="center", va="center")
+                at = 1.1 * np.cos(arc[6]), 1.1 * np.sin(arc[6])
+                ax.text(*at, words, color=red, ha="left" if at[0] > 0 else "right", va="center")
         for port, (marker, colour, words) in _SERVED.items():
             served_here = np.flatnonzero(np.array(served) == port) + 1
             if served_here.size:

@@ -147,7 +147,7 @@ class Ledger:
             )
             left = left + number
         ax.invert_yaxis()
-        ax.set_xlabel("claims [1]")
+        ax.set_xlabel("claims")
         ax.grid(visible=False, axis="y")
         ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.45, 1.0))
         return ax

@@ -29,7 +29,7 @@ FILL = {
 }
 
 #: Half the width and height of each shape of block; a text has no outline.
-_HALF = {"box": (0.82, 0.33), "decision": (1.06, 0.52), "text": (0.82, 0.2)}
+_HALF = {"box": (0.88, 0.33), "decision": (1.06, 0.52), "text": (0.82, 0.2)}
 
 #: Half the width and height of a box.
 HALF = _HALF["box"]
@@ -112,7 +112,7 @@ def _name(ax: Axes, points: Sequence[Point], word: str, *, loose: bool) -> None:
 def diagrams(paper: str, *items: str, arrowstyle: str = "->") -> None:
     """Register figures that consist of a diagram only."""
     for item in items:
-        drawing(paper, item)(partial(diagram, paper, item, arrowstyle=arrowstyle))
+        drawing(paper, item, figsize=(8, 3.2))(partial(diagram, paper, item, arrowstyle=arrowstyle))
 
 
 def panels(ax: Axes, rows: int, columns: int = 1, *, sharex: bool = False) -> list[Axes]:

@@ -271,7 +271,7 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
             linestyle="none",
             capsize=3,
         )
-    ax.set(yscale="log", xlabel="items per packet", ylabel="fraction accepted with errors [-]")
+    ax.set(yscale="log", xlabel="items per packet", ylabel="fraction accepted with errors")
     ax.plot([], [], "o", color="0.4", label="counted, 95 % bounds")
     none = shown.loc[shown["undetected"] == 0, "high"]
     if len(none):

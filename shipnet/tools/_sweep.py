@@ -112,7 +112,8 @@ class Sweep:
             ax.plot(curve.index, curve, color="C0")
             ax.plot(curve.index, limits, color=red, ls=style.LIMIT["linestyle"])
             ax.set(
-                xlabel=f"{name} [{self.kind.unit}]".removesuffix(" []"), ylabel=self._measure.label
+                xlabel=f"{name} [{style.sign(self.kind.unit)}]".removesuffix(" []"),
+                ylabel=self._measure.label,
             )
             ax.set_xlim(curve.index[0], curve.index[-1])
             beside: dict[str, Any] = {"xytext": (6, 0), "textcoords": "offset points"}

@@ -218,7 +218,7 @@ function render({ model, el }) {
     const range = [4, 8, 16, 32].find((value) => value >= peak) ?? 64;
     chart(wave, width, 142, {
       title: `Response of ${slave} at the scope [V]`, note: answer.reading, bad: !answer.read_well,
-      xs: [answer.start_us, time(answer)(answer.line.length - 1)], ys: [-range, range], unit: "us", limits: [],
+      xs: [answer.start_us, time(answer)(answer.line.length - 1)], ys: [-range, range], unit: "µs", limits: [],
       lines: [{ x: time(answer), y: answer.line, look: pen(null, null, "pale", 1) },
         ...every.map(([one, pin, dash]) => ({ x: time(one), y: one.filtered, look: pen(pin, dash, "first", 2) }))],
       marks: [DOT, CROSS].map((shape) => ({

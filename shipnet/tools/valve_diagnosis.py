@@ -124,21 +124,13 @@ class ValveDiagnosis(Tool):
         ax.set_yticks(range(len(codes)), labels)
         look: dict[str, Any] = dict(style.LIMIT)
         ax.axvline(self.threshold, label="alarm threshold", **look)
-        y = [codes.index(code) for code in self.printed]
         # Beside the axes, because a rule as printed has no strength.
-        look = {"color": "0.2", "markersize": 6, "clip_on": False}
-        ax.plot(
-            [1.03] * len(y),
-            y,
-            "x",
-            label="fires as printed",
-            transform=ax.get_yaxis_transform(),
-            **look,
-        )
+        for code in self.printed:
+            ax.text(1.02, codes.index(code), "fires\nas printed", va="center")
         ax.set(xlim=(0, 1), ylim=(len(codes) - 0.4, -0.6), xlabel="firing strength")
         ax.set_xticks([0, 0.25, 0.5, 0.75, 1])
         ax.grid(visible=False, axis="y")
-        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1))
         return ax
 
     def _plot_log(self, ax: Axes, labels: list[str]) -> Axes:

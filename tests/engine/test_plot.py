@@ -45,6 +45,16 @@ def test_an_empty_timeline_is_refused(ax, run):
         run.plot_timeline(50, 51, ax)
 
 
+def test_a_timeline_has_all_bars_and_a_row_for_each_sender_of_frames(ax, run):
+    run.plot_timeline(1.0, 1.5, ax)
+    table = run.timeline(1.0, 1.5)
+    assert sum(len(bars.get_paths()) for bars in ax.collections) == len(table)
+    rows = [label.get_text() for label in ax.get_yticklabels()]
+    senders = {f"CAN, {task}" for task in table.loc[table["row"] == "CAN", "task"]}
+    assert senders == {row for row in rows if row.startswith("CAN")} and len(senders) > 1
+    assert len(ax.get_legend().get_texts()) <= 7
+
+
 def test_ages_are_drawn_as_a_sawtooth_with_the_values_of_the_table(ax, run):
     run.plot_ages("ME-JB2-044", ax, limits={"rule": 2.0}, label="point")
     ages = run.ages("ME-JB2-044")

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet import asi, can, modbus, papers, style
+from shipnet import asi, ballast, can, datasets, design, engine, modbus, papers, style
 from shipnet import remote_control as rc
 from shipnet.design.plot import plot_ranges
 from shipnet.errors import ArgumentError
 from shipnet.figure import svg
 from shipnet.lazy import pd
-from tests.objects import made
+from tests.objects import OBJECTS, made
+from tests.support import figure_faults
 
 #: What is drawn, beside the plots of `OBJECTS`.
 PLOTS = {
@@ -63,6 +64,50 @@ def test_a_figure_has_the_same_pixels_whatever_rc_params_are_set(plot):
     plt.rcdefaults()
     style.use()
     assert np.array_equal(pixels(plot), plain)
+
+
+#: What is drawn for the rules of all figures only.
+MORE = {
+    "states": asi.Slave.plot_states,
+    "table": asi.Profile.plot_table,
+    "rules": lambda: ballast.rule_base().plot_surface("MC", "OP"),
+    "overlaps": lambda: ballast.rule_base().plot_overlaps(),
+    "strokes": lambda: made("ballast.Run").plot(1),
+    "segment": lambda: can.Segment(40, 4).send({1: "0101"}, 500e3).plot(),
+    "contest": lambda: can.arbitrate([can.Frame(1), can.Frame(2)]).plot(["1", "2"]),
+    "wait": lambda: made("can.ResponseTimes").plot_wait("speed"),
+    "ages": lambda: made("engine.Run").plot_ages("ME-JB2-044"),
+    "timeline": lambda: made("engine.Run").plot_timeline(1.0, 1.2),
+    "engine": lambda: engine.System().plot(),
+    "loop": lambda: modbus.Loop(4, ballast.status_poll(9600)).plot(),
+    "ring": lambda: rc.Ring.filled(6, get_no=14, size=16).plot(),
+    "pulses": lambda: asi.Modulation("00101010111001").pulses.plot(),
+    "eye": lambda: asi.line(100, slaves=(5,)).waveform("00101010111001").eye().plot(),
+    "devices": lambda: design.read_iolist(datasets.path("synthetic_iolist_valves.csv")).plot(),
+}
+for name in OBJECTS:
+    # The I/O list of a ship has no devices to draw.
+    if hasattr(made(name), "plot") and name != "design.IoList":
+        MORE.setdefault(name, lambda name=name: made(name).plot())
+
+
+@pytest.mark.parametrize("plot", (PLOTS | MORE).values(), ids=PLOTS | MORE)
+def test_a_figure_meets_the_rules_of_all_figures(plot):
+    assert figure_faults(np.ravel(plot())[0].figure) == []
+
+
+def test_the_rules_of_all_figures_are_checked():
+    figure = Figure(figsize=(6.5, 3))
+    ax = figure.subplots()
+    ax.set(xlabel="time [us]", ylabel="level [1]", title="120 ohm")
+    ax.set_yticks([1], ["20 degC"], fontsize=9.9)
+    ax.axhline(0, **style.LIMIT)
+    faults = ["9.9 pt: 20 degC", "time [us]", "120 ohm", "20 degC", "level [1]"]
+    assert sorted(figure_faults(figure)) == sorted([*faults, "a limit without its name"])
+    style.limit(ax, 0, "limit")
+    assert sorted(figure_faults(figure)) == sorted(faults)
+    figure.set_figwidth(7)
+    assert sorted(figure_faults(figure)) == sorted(faults[1:])
 
 
 def test_the_rc_params_are_left_as_they_were(tmp_path):

@@ -116,3 +116,24 @@ def test_a_scope_shows_the_fields_of_the_frame_that_was_sent():
     for bit in sent[:-15]:
         register = ((register << 1) ^ (0x4599 if (register >> 14) ^ int(bit) else 0)) & 0x7FFF
     assert words["CRC"] == f"{register:X}"
+
+
+def test_the_sign_of_the_pulse_after_the_middle_of_a_bit_is_its_value():
+    names, (scope, _) = drawn("papers/kim2023/1_telegrams.ipynb", "The response of a slave at")
+    time, voltage = scope.lines[0].get_data()
+    # A pulse is highest about 0.45 bit times after the middle in which it begins.
+    heights = np.interp(np.arange(7) + 0.95, time, voltage)
+    assert "".join("1" if u > 1 else "0" if u < -1 else "?" for u in heights) == "0011001"
+    assert names["response"].bits == "0011001"
+
+
+def test_two_places_of_a_packet_give_a_wrong_value_of_each_item():
+    _, (ax,) = drawn("papers/chung1998/2_ring.ipynb", "Red: the value of this item")
+    shades = np.reshape(ax.collections[0].get_array(), (10, 128))
+    # The high byte of item k is 4 + 3 k places after the first byte of the packet.
+    places = np.arange(128) + 4 + 3 * np.arange(10)[:, None]
+    for k, row in enumerate(shades):
+        (begins,) = np.nonzero(row)
+        assert len(begins) == 2, k
+        assert np.ptp(begins) == 1
+        assert set(places[k, begins]) == {128, 129}

@@ -13,6 +13,7 @@ from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.papers import PAPERS, contents, figure
 from shipnet.papers.registry import FIGURES
+from tests.support import figure_faults
 
 ROOT = Path(__file__).resolve().parents[2]
 ITEMS = datasets.read("figures_tables.csv")
@@ -89,6 +90,7 @@ def test_every_picture_can_be_drawn_by_name(paper):
 def test_a_drawing_draws(paper, item):
     drawn = figure(paper, item).figure
     assert any(ax.lines or ax.patches or ax.collections or ax.images for ax in drawn.axes)
+    assert figure_faults(drawn) == []
     plt.close(drawn)
 
 

@@ -252,9 +252,6 @@ class Burst:
 _SEVERITY = ["voltage", "peak voltage", "field strength", "highest frequency"]
 _SEVERITY += ["voltage over that of the supply"]
 
-#: Position on the x axis at which a test that AS-i lacks is drawn: left of all ratios.
-_NONE = 0.4
-
 
 def gaps(asi: Floats, marine: Floats, better: npt.NDArray[np.str_]) -> npt.NDArray[np.str_]:
     """Compare AS-i levels with marine ones; `better` is "higher", "lower" or "equal"."""
@@ -317,7 +314,7 @@ def plot_levels(ax: Axes | None = None) -> Axes:
     Examples
     --------
     >>> print(plot_levels().get_xlabel())
-    AS-i level over marine level [1]
+    AS-i level over marine level
     """
     ax, table = style.axes(ax, figsize=(6.4, 4)), levels()
     drawn = table["parameter"].isin(_SEVERITY) & (table["gap"] != "not asked")
@@ -325,10 +322,10 @@ def plot_levels(ax: Axes | None = None) -> Axes:
     for y, row in enumerate(rows):
         missing, unsure = row["gap"] == "test missing", row["confirmed"] != "yes"
         colour = "C0" if row["gap"] == "covers" else style.LIMIT["color"]
-        x = _NONE if missing else row["ratio"]
-        ax.plot([1, x], [y, y], color=colour, linewidth=3, alpha=0.5, visible=not missing)
-        face = "white" if unsure else colour
-        ax.plot([x], [y], "x" if missing else "o", color=colour, markerfacecolor=face)
+        x = 1.0 if missing else row["ratio"]
+        if not missing:
+            ax.plot([1, x], [y, y], color=colour, linewidth=3, alpha=0.5)
+            ax.plot([x], [y], "o", color=colour, markerfacecolor="white" if unsure else colour)
         tested = "no test" if missing else f"{row['asi']:g} {row['unit']}"
         text = f"{tested}, ship {row['marine']:g} {row['unit']}"
         text += " (not confirmed)" if unsure else ""
@@ -342,7 +339,7 @@ def plot_levels(ax: Axes | None = None) -> Axes:
     ax.set_xscale("log")
     ax.set_xticks([0.5, 1, 2, 5], ["0.5", "1", "2", "5"])
     ax.minorticks_off()
-    ax.set(xlim=(0.8 * _NONE, 40), ylim=(len(rows) - 0.5, -0.5))
-    ax.set_xlabel("AS-i level over marine level [1]")
+    ax.set(xlim=(0.32, 40), ylim=(len(rows) - 0.5, -0.5))
+    ax.set_xlabel("AS-i level over marine level")
     ax.grid(visible=False, axis="y")
     return ax

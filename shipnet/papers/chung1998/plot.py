@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,11 +29,11 @@ drawing("chung1998", "Fig 3", figsize=(4, 3.6))(
 )
 
 
-@drawing("chung1998", "Fig 4")
+@drawing("chung1998", "Fig 4", figsize=(8, 2.4))
 def _packets(*, items: Mapping[int, int] | None = None, ax: Axes) -> Axes:
     """Draw the bytes of the same data in the three readings of the packet."""
     sent = items or {0: 1, 3: 120, 4: 0x1234}
-    flag, item = ["flag"], ["number", "low", "high"]
+    flag, item = ["flag"], ["item", "low", "high"]
     a, b = (MarkerFormat(reading).encode(sent) for reading in ("A", "B"))
     c = b"".join(MarkerFormat("A").encode({number: sent[number]}) for number in sent)
     rows = {
@@ -41,7 +41,7 @@ def _packets(*, items: Mapping[int, int] | None = None, ax: Axes) -> Axes:
         "reading B": (b, flag + len(sent) * (flag + item) + flag),
         "reading C": (c, len(sent) * (flag + flag + item + flag)),
     }
-    kinds = {"flag": "control", "number": "address", "low": "information", "high": "parity"}
+    kinds = {"flag": "control", "item": "address", "low": "information", "high": "parity"}
     return fields(
         ax,
         {
@@ -102,20 +102,14 @@ def _given_up(*, ax: Axes, items: int = 10) -> Axes:
     return ax
 
 
-def plot_recovered(table: pd.DataFrame, *, ax: Axes) -> Axes:
-    """Draw how many packets are found in a ring after a pause in reading."""
-    waiting = table["waiting"]
-    ax.plot(waiting, table["sent"], color="0.6", linewidth=1, label="packets received")
-    for name, label, colour in (
-        ("corrected", "corrected ring", "C2"),
-        ("intended", "intended ring, mean", "C0"),
-    ):
-        ax.step(waiting, table[name], where="post", color=colour, label=label)
-    band: Any = {"color": "C0", "alpha": 0.15, "label": "range over the places"}
-    ax.fill_between(waiting, table["fewest"], table["most"], step="post", **band)
-    style.moment(ax, SIZE, "ring full")
-    style.moment(ax, 2 * SIZE, "looks empty")
-    ax.set(xlabel="bytes received before the reader looks [byte]", ylabel="packets found")
-    ax.set_xlim(0, waiting.iloc[-1])
-    ax.legend(loc="upper left")
-    return ax
+def plot_recovered(table: pd.DataFrame, *, axes: Sequence[Axes]) -> None:
+    """Draw how many packets a corrected and an intended ring keep after a pause in reading."""
+    waiting, low, high = table["waiting"], table["fewest"], table["most"]
+    axes[1].fill_between(waiting, low, high, step="post", color="C0", alpha=0.15)
+    for ax, name, colour in zip(axes, ("corrected", "intended"), ("C2", "C0"), strict=True):
+        ax.plot(waiting, table["sent"], color="0.6", linewidth=1)
+        ax.step(waiting, table[name], where="post", color=colour)
+        style.moment(ax, SIZE, "ring full")
+        style.moment(ax, 2 * SIZE, "looks empty")
+        ax.set(ylabel=f"{name} ring\n[packets found]", xlim=(0, waiting.iloc[-1]), ylim=(-0.3, 8))
+    axes[1].set_xlabel("bytes received before the reader looks [byte]")

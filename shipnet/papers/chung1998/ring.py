@@ -165,6 +165,8 @@ def extraction(
 ) -> pd.DataFrame:
     """Count the bytes read outside the ring, and the wrong values, for each place of a packet.
 
+    A column per item number shows whether its value is wrong.
+
     Without `wrap`, indices can pass the end of the ring, where we assume two zero bytes in memory.
     """
     form = packet_format or MarkerFormat()
@@ -179,8 +181,9 @@ def extraction(
         places = (offset + first + step * np.arange(len(true))) % SIZE
         taken = np.stack([memory[places], memory[places + 1] | memory[places + 2] << 8], axis=1)
         outside = np.maximum(places + 3 - SIZE, 0).sum() * (not wrap)
-        rows.append((offset, outside, (taken != true).any(axis=1).sum()))
-    return pd.DataFrame(rows, columns=["offset", "outside", "wrong"])
+        wrong = (taken != true).any(axis=1)
+        rows.append((offset, outside, wrong.sum(), *wrong))
+    return pd.DataFrame(rows, columns=["offset", "outside", "wrong", *true[:, 0]])
 
 
 # Overrun, repair, trials -------------------------------------------------------------------

@@ -57,18 +57,18 @@ def _impedance_and_spectrum(*, cable: Cable = CABLES["as-i 1.5"], ax: Axes) -> A
     s = 2j * np.pi * f
     series = cable.series_impedance(s)
     upper.plot(f / 1e3, np.abs(series))
-    upper.set(ylabel="impedance [ohm/m]", ylim=(0, None))
+    upper.set(ylabel="impedance [Ω/m]", ylim=(0, None))
     wave = upper.twinx()
     characteristic = np.abs(np.sqrt(series / cable.shunt_admittance(s)))
     wave.plot(f / 1e3, characteristic, "C1--")
-    wave.set(ylabel="[ohm]", ylim=(0, 600))
+    wave.set(ylabel="[Ω]", ylim=(0, 600))
     wave.grid(visible=False)
     names = ("series, per metre (left)", "characteristic (right)")
     upper.legend([*upper.lines, *wave.lines], names, loc="upper center")
     upper.label_outer()
     level = Modulation(REQUEST.bits).spectrum(f)
     lower.plot(f / 1e3, level / level.max(), color="C2")
-    lower.set(xlabel="frequency [kHz]", ylabel="signal / largest [1]", xlim=(0, 800))
+    lower.set(xlabel="frequency [kHz]", ylabel="signal / largest", xlim=(0, 800))
     return ax
 
 

@@ -33,7 +33,7 @@ diagrams("kim2014", "Fig 15", arrowstyle="-")
 drawing("kim2014", "Fig 12")(lambda *, ax: seen_strokes([5])[5].plot(ax=ax))
 
 
-@drawing("kim2014", "Fig 1")
+@drawing("kim2014", "Fig 1", figsize=(8.6, 3.4))
 def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
     """Draw central hydraulics piped to every valve and, next to it, valves with their own pumps."""
     places, low, aside = np.linspace(-0.8, 2.8, n_valves), 0.35, 5.2
@@ -42,8 +42,8 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
             edges = [x, tip, tip], [low, low - 0.2, low + 0.2]
             ax.fill(*edges, facecolor=FILL["green"], edgecolor="0.2", lw=1)
         ax.plot([x, x], [low, low + 0.35], color="0.2", lw=1)
-        width, bottom, height = (0.5, 0.2, 0.3) if number < n_valves else (1.04, 0.35, 0.65)
-        text = "" if number < n_valves else "motor, pump,\ncontroller"
+        width, bottom, height = (0.5, 0.2, 0.3) if number < n_valves else (1.14, 0.35, 0.65)
+        text = "" if number < n_valves else "motor, pump\ncontroller"
         box(ax, (x - width / 2, low + bottom), width, height, FILL["amber"], text)
         ax.text(x, low - 0.32, f"valve {number % n_valves + 1}", ha="center", va="top")
     pipe: dict[str, Any] = {"color": "#b8860b", "lw": 1.6, "zorder": 0, "label": "_pipe"}
@@ -69,7 +69,7 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
     return style.bare(ax, (-1.4, 3.5 + aside), (-0.25, 3.8))
 
 
-@drawing("kim2014", "Fig 3", "Fig 4")
+@drawing("kim2014", "Fig 3", "Fig 4", figsize=(8, 2.2))
 def _rtu_frame(*, frame: bytes = _QUERY.rtu(1), serial: SerialLine = _LINE, ax: Axes) -> Axes:
     """Draw the general RTU frame, and a frame field by field below it."""
     decode(frame)  # a wrong frame is refused
@@ -96,7 +96,7 @@ def _parts(frame: bytes, *parts: tuple[str, str, int]) -> list[tuple[str, str, s
     ]
 
 
-@drawing("kim2014", "Fig 5", "Fig 6")
+@drawing("kim2014", "Fig 5", "Fig 6", figsize=(8, 2.2))
 def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
     """Draw a Modbus TCP frame: header and PDU above, and the individual fields below."""
     decode(frame, "tcp")  # a wrong frame is refused

@@ -39,7 +39,7 @@ def _near_and_far(*, near: float = 5.0, far: float = 100.0, ax: Axes) -> Axes:
     wave = line(100, slaves=(near, far)).waveform(Response(0x6), **_RECORD)
     for volts, name, look in zip(wave.u, wave.names, ("-", "--"), strict=True):
         ax.plot(wave.t * 1e6, volts, look, label=f"slave at {name}")
-    ax.set(xlabel="time [us]", ylabel="voltage at the master [V]")
+    ax.set(xlabel="time [µs]", ylabel="voltage at the master [V]")
     style.legend(ax)
     return ax
 

@@ -82,7 +82,7 @@ def _converters(*, margin: float = 0.125, ax: Axes) -> Axes:
     stages, below = panels(ax, 2)
     diagram("lee2012", "Fig 8", ax=stages)
     signals = {
-        "resistance of the Pt100 [ohm]": (np.linspace(70, 190, 400), 1.0),
+        "resistance of the Pt100 [Ω]": (np.linspace(70, 190, 400), 1.0),
         "loop current [mA]": (np.linspace(0, 24, 400), 1e-3),
         "contact (1: closed)": (np.array([0.0, 1.0]), 1.0),
     }
