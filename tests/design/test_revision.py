@@ -162,7 +162,7 @@ def test_a_difference_counts_points_cables_and_money(designs):
     sentence = f"CAN compared with {first.iolist.source}: {row['words']}."
     assert sentence in second.conclusions()
     assert second.add(replace(second.designs["CAN"], name="again")).previous is first
-    with pytest.raises(ArgumentError, match="design is <Comparison: .*; it must be a Design"):
+    with pytest.raises(ArgumentError, match=r"design is <Comparison: .*; it must be a Design"):
         second.add(first)
 
 
