@@ -76,7 +76,7 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
     "slave, failed": ("X", LIMIT["color"], 7),
 }
 
-#: Slaves are labelled in a drawing if there are at most this many.
+#: Slaves, or else nodes with slaves, are labelled in a drawing if there are at most this many.
 _NAMED = 12
 
 
@@ -524,7 +524,8 @@ class Plan:
         """Draw the plan with cable lengths to scale; slaves that violate a rule are red crosses.
 
         The cables of a segment that violates a rule, or is not verified, are red. A cable that
-        closes a ring is dashed. Slaves are labelled if there are at most 12.
+        closes a ring is dashed. At most 12 slaves are labelled; of more slaves, at most 12 nodes
+        have their name and number of slaves.
         """
         ax = style.axes(ax)
         table = None if findings is None else findings.table()
@@ -554,13 +555,16 @@ class Plan:
         for slave in self.slaves:
             verdict = ", failed" if str(slave) in failed else ", passed"
             points["slave" + ("" if findings is None else verdict)].append(spots[slave.node])
-        if len(self.slaves) <= _NAMED:
-            for node in dict.fromkeys(slave.node for slave in self.slaves):
-                labels = " ".join(slave.label for slave in self.slaves if slave.node == node)
-                above: dict[str, Any] = {"textcoords": "offset points", "ha": "center"}
-                ax.annotate(labels, tuple(spots[node]), (0, 6), **above)
+        at_node: dict[str, list[str]] = {}
+        for slave in self.slaves:
+            at_node.setdefault(slave.node, []).append(slave.label)
+        for node, labels in at_node.items() if len(at_node) <= _NAMED else ():
+            few = len(self.slaves) <= _NAMED
+            text = " ".join(labels) if few else f"{node}: {len(labels)}"
+            above: dict[str, Any] = {"textcoords": "offset points", "ha": "center"}
+            ax.annotate(style.literal(text), tuple(spots[node]), (0, 6), **above)
         for label, (marker, colour, size) in _MARKS.items():
-            if points[label] or (table is not None and label.startswith("slave,")):
+            if points[label]:
                 look = {"marker": marker, "color": colour, "markersize": size, "linestyle": "none"}
                 ax.plot(*np.reshape(points[label], (-1, 2)).T, label=label, **look)
         ax.spines["left"].set_visible(False)

@@ -324,7 +324,8 @@ class ResponseTime(NamedTuple):
 class ResponseTimes(Named[ResponseTime]):
     """The longest response time of every message, highest priority first.
 
-    `response_times` returns this object; `bit_rate` is the given bit rate [bit/s].
+    `response_times` returns this object; `bit_rate` is the given bit rate [bit/s], and `from_event`
+    is False if the times begin when a message is queued.
 
     Examples
     --------
@@ -336,9 +337,12 @@ class ResponseTimes(Named[ResponseTime]):
     (0.00216, False, ['A'])
     """
 
-    def __init__(self, items: Iterable[ResponseTime], bit_rate: float) -> None:
+    def __init__(
+        self, items: Iterable[ResponseTime], bit_rate: float, *, from_event: bool = True
+    ) -> None:
         self._items = tuple(items)
         self.bit_rate = float(bit_rate)
+        self.from_event = from_event
 
     @property
     def met(self) -> bool:
@@ -556,7 +560,7 @@ def response_times(
                 worst <= D,
             )
         )
-    return ResponseTimes(items, bit_rate)
+    return ResponseTimes(items, bit_rate, from_event=assumptions.own_jitter)
 
 
 def _with_offsets(bus: Bus, messages: MessageSet) -> list[int] | None:
@@ -613,7 +617,8 @@ def gateway(
     Raises
     ------
     ArgumentError
-        If a message has no bound on the first bus or another period on the second.
+        If the times on the first bus do not begin at the event, or a message has no bound there or
+        another period on the second bus.
 
     Examples
     --------
@@ -624,6 +629,8 @@ def gateway(
     0.00632
     """
     check_scalar("delay", delay, "s", 0, 1e4)
+    if not arrivals.from_event:
+        raise ArgumentError("arrivals begin when a message is queued; they must include the jitter")
     for name, new in names.items():
         first, second = arrivals[name], messages[new].period
         if first.message.period != second or first.response == math.inf:

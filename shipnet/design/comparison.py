@@ -375,11 +375,14 @@ class Comparison:
         mix: Mapping[str, str] | None = None,
         name: str | None = None,
     ) -> Design:
-        """Plan another design with the first one's points, cabinet and, unless given, settings."""
+        """Plan another design with the first one's points, cabinet and, unless given, settings.
+
+        Of a revised list, it keeps the earlier design of the same name.
+        """
         values = self.settings.replace(settings or {})
-        return plan(
-            self.iolist, self.site, option, settings=values, mix=mix, name=name, rules=self.rules
-        )
+        old = self.previous.designs.get(name or option) if self.previous else None
+        more: dict[str, Any] = {"mix": mix, "name": name, "rules": self.rules, "keep": old}
+        return plan(self.iolist, self.site, option, settings=values, **more)
 
     def add(self, *designs: Design) -> Comparison:
         """Return a comparison that also contains further designs of the same points."""

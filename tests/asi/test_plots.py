@@ -6,11 +6,14 @@ from matplotlib.figure import Figure
 
 from shipnet import style
 from shipnet.asi import Transaction
+from shipnet.asi.master import Master
+from shipnet.asi.plan import Plan
 from shipnet.asi.simulation import simulate
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import plot_telegram
 from shipnet.asi.topologies import line
 from shipnet.errors import ArgumentError, LengthError
+from shipnet.line.network import CableRun
 from shipnet.style import LIMIT
 from tests.asi.lines import simulate_drawn
 
@@ -57,6 +60,18 @@ def test_slaves_are_drawn_at_their_distance_in_the_colour_of_their_verdict(ax):
     )
     assert legend(ax) == ["supply", "master", "slave, passed", "slave, failed"]
     assert not ax.texts
+
+
+def test_many_slaves_at_few_nodes_are_counted_by_node(ax):
+    places = {"bow": range(1, 8), "$x$": range(8, 14)}
+    plan = Plan(
+        [CableRun("head", node, 20.0) for node in places],
+        masters=[Master(node="head")],
+        slaves=[Slave(f"{k}", node=node) for node, some in places.items() for k in some],
+    )
+    plan.plot(ax=ax)
+    assert [text.get_text() for text in ax.texts] == ["bow: 7", r"\$x\$: 6"]
+    assert legend(ax) == ["master", "slave"]
 
 
 def test_a_segment_that_violates_a_rule_is_red(ax):

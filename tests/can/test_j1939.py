@@ -516,6 +516,9 @@ def test_a_gateway_forwards_messages_with_a_bound():
         can.gateway(one, same, 125e3, {"a": "c"}, delay=0)
     with pytest.raises(ArgumentError, match="delay"):
         can.gateway(one, same, 125e3, {"a": "b"}, delay=-1)
+    queued = can.response_times(same, 125e3, assumptions=can.Assumptions(own_jitter=False))
+    with pytest.raises(ArgumentError, match="they must include the jitter"):
+        can.gateway(queued, same, 125e3, {"b": "b"}, delay=0)
     late = can.response_times(MessageSet([Message("a", 1, 8, 1e-4)]), 125e3)
     with pytest.raises(ArgumentError, match="response of inf s"):
         can.gateway(late, same, 125e3, {"a": "b"}, delay=0)

@@ -162,6 +162,8 @@ def test_a_difference_counts_points_cables_and_money(designs):
     sentence = f"CAN compared with {first.iolist.source}: {row['words']}."
     assert sentence in second.conclusions()
     assert second.add(replace(second.designs["CAN"], name="again")).previous is first
+    again = second.plan("CAN").tables()["terminals"]
+    pd.testing.assert_frame_equal(again, second.designs["CAN"].tables()["terminals"])
     with pytest.raises(ArgumentError, match=r"design is <Comparison: .*; it must be a Design"):
         second.add(first)
 
