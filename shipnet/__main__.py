@@ -562,6 +562,8 @@ class _Parser(argparse.ArgumentParser):
         if unknown:
             near = get_close_matches(unknown[0].partition("=")[0], self._option_string_actions, n=1)
             hint = f"; did you mean {near[0]}?" if near else ""
+            if not unknown[0].startswith("-"):
+                hint = "; lists have commas, such as 125k,250k"
             self.error(f"unknown argument {unknown[0]!r}{hint}")
         return namespace, unknown
 

@@ -318,6 +318,10 @@ def test_no_command_prints_the_help_with_the_exit_codes(capsys):
     [
         ([*MODBUS, "--bitrate", "9600"], "unknown argument '--bitrate'; did you mean --bit-rate?"),
         (["can", "list.csv", "--xyzzy"], "unknown argument '--xyzzy'\n"),
+        (
+            ["can", "list.csv", "--rates", "125k", "250k"],
+            "'250k'; lists have commas, such as 125k,",
+        ),
     ],
 )
 def test_an_unknown_option_shows_the_usage_of_its_command_and_the_nearest_option(
