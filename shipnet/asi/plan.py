@@ -525,7 +525,7 @@ class Plan:
 
         The cables of a segment that violates a rule, or is not verified, are red. A cable that
         closes a ring is dashed. At most 12 slaves are labelled; of more slaves, at most 12 nodes
-        have their name and number of slaves.
+        have their name and, in brackets, number of slaves.
         """
         ax = style.axes(ax)
         table = None if findings is None else findings.table()
@@ -560,7 +560,7 @@ class Plan:
             at_node.setdefault(slave.node, []).append(slave.label)
         for node, labels in at_node.items() if len(at_node) <= _NAMED else ():
             few = len(self.slaves) <= _NAMED
-            text = " ".join(labels) if few else f"{node}: {len(labels)}"
+            text = " ".join(labels) if few else f"{node} ({len(labels)})"
             above: dict[str, Any] = {"textcoords": "offset points", "ha": "center"}
             ax.annotate(style.literal(text), tuple(spots[node]), (0, 6), **above)
         for label, (marker, colour, size) in _MARKS.items():

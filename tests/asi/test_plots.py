@@ -70,7 +70,7 @@ def test_many_slaves_at_few_nodes_are_counted_by_node(ax):
         slaves=[Slave(f"{k}", node=node) for node, some in places.items() for k in some],
     )
     plan.plot(ax=ax)
-    assert [text.get_text() for text in ax.texts] == ["bow: 7", r"\$x\$: 6"]
+    assert [text.get_text() for text in ax.texts] == ["bow (7)", r"\$x\$ (6)"]
     assert legend(ax) == ["master", "slave"]
 
 
