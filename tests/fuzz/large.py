@@ -16,6 +16,7 @@ import shutil
 import sys
 import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -482,7 +483,7 @@ def forked(job: Callable[[], object]) -> tuple[float, float, str]:
 
 def costs(name: str, file: Path) -> Iterator[Cost]:
     """Yield the cost of each large input of a target; the inputs are written to a file."""
-    from targets import TARGETS
+    from targets import REFUSALS, TARGETS
 
     target = TARGETS[name]
 
@@ -493,7 +494,8 @@ def costs(name: str, file: Path) -> Iterator[Cost]:
         return forked(lambda: target.run(file.read_bytes()))
 
     for seed in [*target.seeds()]:
-        target.run(seed)  # loads what it needs
+        with suppress(*REFUSALS):
+            target.run(seed)  # loads what it needs
         for kind, make in inputs(name, seed):
             took, peak, failure = read(make, LARGE)
             size, exponent = file.stat().st_size, 0.0
