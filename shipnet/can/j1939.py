@@ -125,10 +125,10 @@ class Assembled(NamedTuple):
     Examples
     --------
     >>> from shipnet.can import read_capture
-    >>> found = read_capture(datasets.path("sigrok_nmea2000_snippet.sr")).log.assemble()
-    >>> len(found.messages), found.faults
+    >>> assembled = read_capture(datasets.path("sigrok_nmea2000_snippet.sr")).log.assemble()
+    >>> len(assembled.messages), assembled.faults
     (44, ())
-    >>> found.messages.loc[9, ["pgn", "source", "frames", "size"]].tolist()
+    >>> assembled.messages.loc[9, ["pgn", "source", "frames", "size"]].tolist()
     [129029, 0, 7, 47]
     """
 

@@ -187,8 +187,8 @@ def plot_wait(
     corners = np.repeat(waits, 2)
     ax.plot(corners[:-1], corners[1:], "C1:.", linewidth=2)
     ax.plot(waits[-1], waits[-1], "C1o", markersize=8)
-    found = f"w = {waits[-1]:.2f} ms"
-    ax.annotate(found, (waits[-1],) * 2, (4, -14), textcoords="offset points", color="C1")
+    label = f"w = {waits[-1]:.2f} ms"
+    ax.annotate(label, (waits[-1],) * 2, (4, -14), textcoords="offset points", color="C1")
     ax.annotate("B", (waits[0],) * 2, (-12, 4), textcoords="offset points", color="C1")
     ax.text(0.02 * end, needed(0) + 0.02 * end, "bus time needed", color="C0")
     ax.text(0.45 * end, 0.38 * end, "wait w", color="0.4")

@@ -168,7 +168,7 @@ def test_a_message_is_put_together(transport, size):
     log = log_of(cut(data, transport, number))
     assert whole(log) == ([(pgn, source, to, data)], ())
     row = log.assemble().messages.iloc[0]
-    # The frame that ends an RTS/CTS session is no packet of the message.
+    # The frame that ends an RTS/CTS session is not a packet of the message.
     assert row["time_s"] == log.time[-2 if transport == "RTS/CTS" else -1]
     assert row["size"] == size
     assert row["name"] == ("GNSS position data" if transport == "fast packet" else "")
