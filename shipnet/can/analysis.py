@@ -438,9 +438,9 @@ def compare(
     for key, message in planned.items():
         if message not in sources:
             sources[message].append(key)
-    numbers = {J1939Id.of(one.arbitration_id).pgn for one in plan if one.extended}
+    planned_pgns = {J1939Id.of(one.arbitration_id).pgn for one in plan if one.extended}
     unknown = (J1939Id.of(key >> 1) for key in sources[None] if key & 1)
-    alike = sum(one.pgn in numbers for one in unknown)
+    alike = sum(one.pgn in planned_pgns for one in unknown)
     rows: list[tuple[Any, ...]] = []
     for message, key in ((one, key) for one in (*plan, None) for key in sources[one]):
         chosen = slice(*np.searchsorted(keys, [key, key + 1]))
