@@ -26,6 +26,7 @@ from .simulation import Run as Run
 from .simulation import Standby as Standby
 from .simulation import simulate as simulate
 from .slave import Slave as Slave
+from .states import ExchangeStates as ExchangeStates
 from .telegram import Call as Call
 from .telegram import Request as Request
 from .telegram import Response as Response

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections import defaultdict
-from collections.abc import Iterable
 from dataclasses import KW_ONLY
 from enum import Enum
 from functools import cache
 from math import inf
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet import style
 from shipnet.asi.batch import NONE
 from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
 from shipnet.asi.telegram import Answer, Call, Half, Request, Response
@@ -22,7 +19,6 @@ from shipnet.asi.timing import ADDRESSES, CHANNELS, CONVERSION
 from shipnet.compiled import compiled
 from shipnet.errors import ArgumentError, FrameError, UnknownCallError
 from shipnet.fields import check_fields, check_whole, number, record, text, whole
-from shipnet.lazy import Axes, pd
 from shipnet.line.network import Load, check_node
 
 #: Default current of a slave [A], from Schneider's AS-i help D-SA-0011271: 65 mA on average.
@@ -82,16 +78,6 @@ class Slave:
     slave 12B at hatch 3
     >>> Slave("5").profile, Slave("5A").profile
     (Profile(io=0, id=15, id2=15), Profile(io=0, id=10, id2=15))
-
-    How a slave reacts to telegrams; an empty string is a pause:
-
-    >>> from shipnet import asi
-    >>> request = asi.Request(asi.Call.READ_ID, 21).bits
-    >>> events = Slave("21", "S-3.F.F").listen([request, "", request])
-    >>> events["state"].tolist()
-    ['asynchronous', 'receive', 'synchronous']
-    >>> events["answer"].tolist()
-    ['silence', '', 'response to read ID code: 1111 (F)']
     """
 
     label: str = text("Address, 1 to 31, followed by A or B for an A/B slave; 0 for a new slave")
@@ -142,53 +128,6 @@ class Slave:
     def half(self) -> Half | None:
         """The half of the address that the slave's label names, A or B; None if it names none."""
         return slave_key(self.label)[1]
-
-    def listen(self, telegrams: Iterable[str]) -> pd.DataFrame:
-        """Return the receive `state` after each telegram, and the `answer` in words.
-
-        An empty telegram is the pause after a response.
-        """
-        running, rows = RunningSlave(self), []
-        for bits in telegrams:
-            if bits:
-                answer = str(running.hear(bits) or "silence")
-            else:
-                running.pause()
-                answer = ""
-            rows.append((bits, running.state.value, answer))
-        return pd.DataFrame(rows, columns=["telegram", "state", "answer"])
-
-    @staticmethod
-    @style.applied
-    def plot_states(ax: Axes | None = None) -> Axes:
-        """Draw the receive states and the events that change them: icn2007's missing Fig 3.19.
-
-        A slash separates an event from the slave's action, if there is one.
-        """
-        ax = style.axes(ax, figsize=(7.5, 2.6))
-        box = {"facecolor": style.FIELD["address"], "edgecolor": "0.3"}
-        middles = dict(zip(State, (0.0, 6.0, 12.0), strict=True))
-        for state, x in middles.items():
-            style.box(ax, x - 1.2, -0.5, 2.4, 1.0, **box)
-            ax.text(x, 0, state.value.upper(), ha="center", va="center")
-        words = defaultdict(list)
-        for (state, event), following in TRANSITIONS.items():
-            # If any pause changes the state, the pause after a response need not be named.
-            if event is Event.SLAVE_PAUSE and (state, Event.PAUSE) in TRANSITIONS:
-                continue
-            doing = f" / {ACTIONS[event]}" if event in ACTIONS else ""
-            words[state, following].append(event.value + doing)
-        for (begin, end), events in words.items():
-            # Arrows from RECEIVE and their labels are above the centre line; all others are below.
-            up = 1 if begin is State.RECEIVE else -1
-            side = 1 if middles[end] > middles[begin] else -1
-            x0, x1 = middles[begin] + side * 1.2, middles[end] - side * 1.2
-            arrow = {"arrowstyle": "-|>", "mutation_scale": 12, "color": "0.3"}
-            arrow |= {"shrinkA": 0, "shrinkB": 0}
-            ax.annotate("", (x1, up * 0.22), (x0, up * 0.22), arrowprops=arrow)
-            placed: dict[str, Any] = {"ha": "center", "va": "bottom" if up > 0 else "top"}
-            ax.text((x0 + x1) / 2, up * 0.3, "\n".join(events), **placed)
-        return style.bare(ax, (-1.4, 13.4), (-0.9, 1.6))
 
     def __str__(self) -> str:
         return f"slave {self.label} at {self.node}" if self.node else f"slave {self.label}"

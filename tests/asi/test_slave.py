@@ -98,20 +98,6 @@ def test_a_slave_always_follows_the_table_and_answers_only_its_own_requests(traf
         assert slave.state is State.RECEIVE
 
 
-def test_listen_returns_states_and_answers():
-    asked = Request(Call.READ_ID, 21).bits
-    heard = Slave("21", "S-7.F.F").listen([asked, "", GARBLED, asked, "", asked])
-    assert heard["state"].tolist() == [
-        "asynchronous",
-        "receive",
-        "asynchronous",
-        "asynchronous",
-        "receive",
-        "synchronous",
-    ]
-    assert [answer != "silence" for answer in heard["answer"][[0, 2, 3, 5]]] == [0, 0, 0, 1]
-
-
 # The 13 calls.
 
 

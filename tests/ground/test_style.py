@@ -68,7 +68,7 @@ def test_a_figure_has_the_same_pixels_whatever_rc_params_are_set(plot):
 
 #: What is drawn for the rules of all figures only.
 MORE = {
-    "states": asi.Slave.plot_states,
+    "states": lambda: asi.ExchangeStates([asi.Slave("21")], damaged=[4]).plot("21", 4),
     "table": asi.Profile.plot_table,
     "rules": lambda: ballast.rule_base().plot_surface("MC", "OP"),
     "overlaps": lambda: ballast.rule_base().plot_overlaps(),

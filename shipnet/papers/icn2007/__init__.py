@@ -19,7 +19,7 @@ from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.asi.segment import telegram_voltages
 from shipnet.asi.simulation import Standby, simulate
-from shipnet.asi.slave import WATCHDOG, Slave
+from shipnet.asi.slave import WATCHDOG, RunningSlave, Slave
 from shipnet.asi.telegram import RESPONSES, Call, Half, Request, Response
 from shipnet.asi.timing import Transaction, cycle_time
 from shipnet.asi.topologies import line, ring, star
@@ -113,8 +113,17 @@ def is_silent(*, requests: tuple[str, ...]) -> bool:
 
 
 def answer_to(*telegrams: str) -> str:
-    """Return the response of slave 3, which is synchronous, to the last of these telegrams."""
-    return str(Slave("3").listen(["", *telegrams])["answer"].iloc[-1])
+    """Return the response of slave 3, which is synchronous, to the last of these telegrams.
+
+    An empty telegram is a pause.
+    """
+    slave, answer = RunningSlave(Slave("3")), None
+    for telegram in ("", *telegrams):
+        if telegram:
+            answer = slave.hear(telegram)
+        else:
+            slave.pause()
+    return str(answer or "silence")
 
 
 @check("icn2007-034", counter={"lost": 0})

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.asi.modulation import HALF_BIT, Modulation
 from shipnet.asi.slave import Slave
+from shipnet.asi.states import ExchangeStates
 from shipnet.asi.telegram import Request
 from shipnet.asi.timing import Transaction
 from shipnet.asi.topologies import line
@@ -24,7 +25,9 @@ SKIN = Cable(r=0.03, l=0.65e-6, c=65e-12, skin=30e3)
 drawing("icn2007", "Fig 9", figsize=(9, 2.6))(
     lambda *, ax: Transaction().plot(REQUEST, REQUEST.answer(0x6), ax)
 )
-drawing("icn2007", "Fig 3.19", figsize=(9, 2.2))(lambda *, ax: Slave.plot_states(ax))
+drawing("icn2007", "Fig 3.19", figsize=(6.5, 3.4))(
+    lambda *, ax: ExchangeStates([Slave("21")]).plot("21", ax=ax)
+)
 
 
 @drawing("icn2007", "Fig 7a/7b", figsize=(7, 4.6))
