@@ -27,7 +27,6 @@ def levels(bits: str) -> Solution:
     return Bits(right), {
         "in the middle of the bit, a 0 falls and a 1 rises; do yours?": right.translate(_TURNED),
         "the first bit of the sequence is sent first": _levels(bits[::-1]),
-        "write the half-bits from left to right, like the bits": right[::-1],
         "that is one level per bit; how many half-bits does a bit have?": bits,
         "these are plain levels: what changes within a bit?": "".join(2 * bit for bit in bits),
         "Take one bit at a time: which level does a 0 start with, and which does a 1?": ANY,

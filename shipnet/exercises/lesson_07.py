@@ -29,9 +29,9 @@ def unread(ring: dict[str, int]) -> Solution:
     return Whole(model.seems_unread, "bytes"), {
         "the difference is below zero: what do the different flags mean?": ring["no"]
         - ring["get_no"],
-        "those are the free places; has the writer passed the end?": ring["get_no"] - ring["no"],
+        "are those the unread bytes, or the free places?": ring["get_no"] - ring["no"],
         "that is one lap of the ring too many": model.seems_unread + _SIZE,
-        "the ring has 128 places, numbered from 0 to 127": model.seems_unread - 1,
+        "the bytes at `get_no` and at place 127 are unread, too": model.seems_unread - 1,
         "the byte at `no` has not been written yet": model.seems_unread + 1,
         "those lie before the ring's end; how many lie at its beginning?": _SIZE - ring["get_no"],
         "those lie at the ring's beginning; how many lie before its end?": ring["no"],
@@ -56,7 +56,6 @@ def empty_again(places: int, rate: int) -> Solution:
         "these lines have no parity bit: 10 bits per byte": 1.1 * right,
         "the rate counts bits, not bytes": right / _CHARACTER,
         "that is one byte; how many bytes arrive?": 1e3 * _CHARACTER / rate,
-        "that is four laps; when do number and flag repeat?": 2 * right,
         "After how many bytes do number and flag both repeat? How long does a byte take?": ANY,
     }
 

@@ -33,7 +33,7 @@ def between_cuts(n: int, first: int, second: int) -> Solution:
         "port B reaches those; which valves does neither port reach?": n - second,
         "port A reaches those; which valves does neither port reach?": first,
         "the first cut leaves valve `first` connected to port A": second - first + 1,
-        "the valve just before the second cut is lost too": second - first - 1,
+        "does a port reach valve `first` + 1, or valve `second`?": second - first - 1,
         "List the valves that port A reaches, and those that port B reaches; count the others": ANY,
     }
 
