@@ -127,7 +127,7 @@ class Number:
         if answer and (report := _prefix(answer, self.value, self.unit, self.tolerance)):
             return report
         if _rounded(answer, self.value):
-            return f"not within {100 * self.tolerance:g} %: keep more digits; round only at the end"
+            return f"not within {100 * self.tolerance:g} %: if you rounded, keep more digits"
         if min(answer, self.value) >= 0 and not 1 / 3 <= answer / self.value <= 3:
             return f"far too {'large' if answer > self.value else 'small'}"
         return NOT_YET

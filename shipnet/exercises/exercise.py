@@ -109,7 +109,7 @@ class Exercise:
             for hint, wrong in hints.items()
             if wrong is not ANY and replace(right, value=wrong, **close).fault(answer) is None
         ]
-        if len(named) == 1:
+        if len(named) == 1 and "if you rounded" not in fact:
             return named[0]
         if fact.endswith("?"):
             return fact

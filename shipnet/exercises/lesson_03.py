@@ -26,7 +26,7 @@ def telegram(bits: str) -> Solution:
         "count the ones again: without the end bit, their number must be even": (
             right[:-2] + parity.translate(_TURNED) + "1"
         ),
-        "the data are sent in the order given": frame(bits[::-1]),
+        "are the data bits those given, in the same order?": frame(bits[::-1]),
         "what value does the start bit always have?": "1" + right[1:],
         "what value does the end bit always have?": right[:-1] + "0",
         "Write the start bit, data and end bit first; then count the ones without the end bit": ANY,

@@ -22,10 +22,9 @@ def transaction(master_pause: float, slave_pause: float) -> Solution:
         "the response takes time too": right - 7 * _BIT,
         "that is the time until the response begins": (14 + master_pause) * _BIT,
         "those are the pauses; where are the telegrams?": (master_pause + slave_pause) * _BIT,
-        "does the response have as many bits as the request?": right + 7 * _BIT,
         "that is in bit times; how long is a bit time?": right / _BIT,
         "stop at the start of the next request: count only one request": right + 14 * _BIT,
-        "those are the pauses in the figure; how long are yours?": 26 * _BIT,
+        "it takes that long with the pauses in the figure; how long are yours?": 26 * _BIT,
         "List the parts from one request to the next, with their bit times, and add them up": ANY,
     }
 

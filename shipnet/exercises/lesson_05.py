@@ -124,7 +124,6 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
         ),
         "how often is stop sent while yours waits? Compare the wait and the period": right + stop,
         "your own frame is sent only once": right + yours,
-        "your own frame does not block itself; which one does?": right - log + yours,
         "that is your own frame alone; which frames can come before it?": yours,
         "which message besides stop is more urgent than yours?": right - speed,
         "Write the wait as a sum: the frame that blocks, then the more urgent frames": ANY,

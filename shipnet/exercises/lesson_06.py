@@ -60,9 +60,9 @@ def response_time(registers: int, rate: int) -> Solution:
         "a byte takes more than 8 bits on the line": lasts() * 8 / 11,
         "count the bits of 8E1 again: start, data, parity, stop": lasts(character="8N1"),
         "that is the data alone; which bytes come before and after them?": lasts(-5),
-        "two bytes too few: list the bytes before and after the data": lasts(-2),
-        "one byte too few: list the bytes before and after the data": lasts(-1),
-        "one byte too many: list the bytes before and after the data": lasts(1),
+        "two bytes too few: list all bytes of the response": lasts(-2),
+        "one byte too few: list all bytes of the response": lasts(-1),
+        "one byte too many: list all bytes of the response": lasts(1),
         "count from the first bit to the last: the silence comes after the response": (
             lasts() + 1e3 * SerialLine(rate).t35
         ),

@@ -33,8 +33,6 @@ def unread(ring: dict[str, int]) -> Solution:
         "that is one lap of the ring too many": model.seems_unread + _SIZE,
         "the bytes at `get_no` and at place 127 are unread, too": model.seems_unread - 1,
         "the byte at `no` has not been written yet": model.seems_unread + 1,
-        "those lie before the ring's end; how many lie at its beginning?": _SIZE - ring["get_no"],
-        "those lie at the ring's beginning; how many lie before its end?": ring["no"],
         "Draw the places as a circle and mark `no` and `get_no`: which bytes lie between?": ANY,
     }
 
@@ -164,7 +162,6 @@ def free_places(rate: int, pause_ms: int, waiting: int) -> Solution:
         "the next smaller power of two is enough": 2 * size - needed,
         "some bytes are already waiting and need room": size - coming,
         "a byte takes 10 bits on this line": _free(waiting + rate * pause_ms / 8000),
-        "a ring with as many places as bytes loses nothing": size - needed - 1,
         "Compute the bytes that need room, the next power of two, and the free places": ANY,
     }
 

@@ -146,7 +146,7 @@ def test_each_mistake_is_refused_and_named_unless_another_one_gives_the_same(key
                 f"{numbers}: {hint!r} got {fault!r}"
             )
             named[hint] += fault == hint
-            if fault != hint:
+            if fault != hint and "if you rounded" not in fault:
                 answer = right.read(wrong)
                 same = [w for w in mistakes.values() if not replace(right, value=w).fault(answer)]
                 assert len(same) > 1
@@ -297,8 +297,8 @@ def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
     [
         (Number(6.0, "us"), 6e-3, "1000 times too small: which unit"),
         (Number(6.0, "us"), "6 us", "without quotes"),
-        (Number(6.2431, "us"), 6.2, "round only at the end"),
-        (Number(-62.431, "V"), -62, "round only at the end"),
+        (Number(6.2431, "us"), 6.2, "if you rounded"),
+        (Number(-62.431, "V"), -62, "if you rounded"),
         (Number(6.2831, "us"), 6.4, "not right yet"),
         (Number(0.0, "us"), 0.04, "not right yet"),
         (Number(6.0, "us"), 19, "far too large"),
