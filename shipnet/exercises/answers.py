@@ -127,9 +127,9 @@ class Number:
         if answer and (report := _prefix(answer, self.value, self.unit, self.tolerance)):
             return report
         if _rounded(answer, self.value):
-            return f"not within {100 * self.tolerance:g} %: keep more digits; round only at the end"
-        if not 1 / 3 <= abs(answer / self.value) <= 3:
-            return f"far too {'large' if abs(answer) > abs(self.value) else 'small'}"
+            return f"not within {100 * self.tolerance:g} %: if you rounded, keep more digits"
+        if min(answer, self.value) >= 0 and not 1 / 3 <= answer / self.value <= 3:
+            return f"far too {'large' if answer > self.value else 'small'}"
         return NOT_YET
 
 
@@ -195,8 +195,7 @@ class Bytes:
         if answer == self.value:
             return None
         if len(answer) != len(self.value):
-            what = "this byte is" if len(answer) == 1 else f"these {len(answer)} bytes are"
-            return f"{what} {NOT_YET}"
+            return f"{len(self.value)} bytes are expected, got {len(answer)}"
         wrong = [k for k, byte in enumerate(self.value, start=1) if answer[k - 1] != byte]
         which, verb = ("byte", "is") if len(wrong) == 1 else ("bytes", "are")
         return f"{which} {', '.join(map(str, wrong))} {verb} {NOT_YET}"
@@ -214,7 +213,7 @@ class Words:
         if isinstance(self.value, str):
             return self._word(raw)
         if isinstance(raw, str):
-            raw = raw.replace(",", " ").split()
+            raw = raw.split(",")
         if not isinstance(raw, Iterable):
             raise Misread(f"a list of words is expected; choose from {', '.join(self.options)}")
         return type(self.value)(map(self._word, raw))
@@ -258,7 +257,7 @@ class Function:
             message = format_exception_only(error)[-1].partition("\n")[0]
             raise Misread(f"{_call(name, case)} stops{where}: {message}") from None
         if result is None:
-            raise Misread(f"{_call(name, case)} returned nothing: is there a `return`?")
+            raise Misread(f"{_call(name, case)} returned None: which `return` gives it a value?")
         if result is ...:
             raise NotSolved
         try:

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError
-from shipnet.exercises.answers import Answer, Misread, NotSolved, blank
+from shipnet.exercises.answers import Answer, Misread, NotSolved, Number, blank
 from shipnet.lazy import pd
 
 T = TypeVar("T")
@@ -92,7 +92,7 @@ class Exercise:
     def fault(self, answered: object, me: Student) -> str | None:
         """Return what is wrong with an answer, or None if it is right.
 
-        A mistake is named only if no other mistake leads to the same answer.
+        A mistake is named only if no other leads to the same answer, a number to four digits.
         """
         right: Any
         right, hints = self.solve(**self.given(me))
@@ -103,12 +103,13 @@ class Exercise:
         fact: str | None = right.fault(answer)
         if fact is None:
             return None
+        close = {"tolerance": 5e-4} if isinstance(right, Number) else {}
         named = [
             hint
             for hint, wrong in hints.items()
-            if wrong is not ANY and replace(right, value=wrong).fault(answer) is None
+            if wrong is not ANY and replace(right, value=wrong, **close).fault(answer) is None
         ]
-        if len(named) == 1:
+        if len(named) == 1 and "if you rounded" not in fact:
             return named[0]
         if fact.endswith("?"):
             return fact

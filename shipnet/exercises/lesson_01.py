@@ -26,8 +26,6 @@ def levels(bits: str) -> Solution:
     right = _levels(bits)
     return Bits(right), {
         "in the middle of the bit, a 0 falls and a 1 rises; do yours?": right.translate(_TURNED),
-        "the first bit of the sequence is sent first": _levels(bits[::-1]),
-        "write the half-bits from left to right, like the bits": right[::-1],
         "that is one level per bit; how many half-bits does a bit have?": bits,
         "these are plain levels: what changes within a bit?": "".join(2 * bit for bit in bits),
         "Take one bit at a time: which level does a 0 start with, and which does a 1?": ANY,
@@ -70,7 +68,7 @@ def pulses() -> Solution:
             lambda bits: 2 * len(bits) - 1 - _equal(bits)
         ),
         "those are the pulses between bits; what happens in the middle of each bit?": _equal,
-        "`count` skips overlapping pairs: how many equal pairs does `000` have?": (
+        "equal pairs may overlap: how many does `000` have?": (
             lambda bits: len(bits) + bits.count("00") + bits.count("11")
         ),
         "is there really a pulse after every bit?": lambda bits: 2 * len(bits),
@@ -86,7 +84,7 @@ def pulses() -> Solution:
 def highest_rate(limit: int) -> Solution:
     """Bit rate at which the first zero of a pulse's spectrum is at `limit` [kHz]."""
     return Number(limit / 4, "kbit/s"), {
-        "that is the rate of half-bits; how many half-bits does a bit have?": limit / 2,
+        "one of two factors of 2 is missing: in the half-bit time, or in the bit time?": limit / 2,
         "that is the limit itself; how long are a half-bit and a bit?": limit,
         "did you divide by 2 once too often?": limit / 8,
         "the limit is 2 divided by the half-bit time, so the bit rate is lower": 2 * limit,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import combinations, pairwise
-from math import ceil, log, log2, log10
+from math import ceil, log2
 from random import Random
 
 from shipnet.asi.telegram import frame
@@ -26,21 +26,15 @@ def telegram(bits: str) -> Solution:
         "count the ones again: without the end bit, their number must be even": (
             right[:-2] + parity.translate(_TURNED) + "1"
         ),
-        "the data are sent in the order given": frame(bits[::-1]),
+        "are the data bits those given, in the same order?": frame(bits[::-1]),
         "what value does the start bit always have?": "1" + right[1:],
         "what value does the end bit always have?": right[:-1] + "0",
-        "these are six bits: which bit is missing at the end?": right[:-1],
-        "these are six bits: which bit is missing at the start?": right[1:],
-        "is the parity bit before or after the data?": f"0{parity}{bits}1",
         "Write the start bit, data and end bit first; then count the ones without the end bit": ANY,
     }
 
 
 #: The generators of exercise 2, each the reverse of the other.
 _GENERATORS = ("10011", "11001")
-
-#: The generator in the text of the lesson.
-_SHORTER = "1011"
 
 
 def _remainder(row: str, generator: str) -> str:
@@ -57,23 +51,18 @@ def _check_bits(bits: str, generator: str) -> str:
     return _remainder(bits + "0" * (len(generator) - 1), generator)
 
 
-def _mistaken(bits: str, generator: str) -> dict[str, object]:
-    row = bits + "0000"
-    return {
-        "first append four zeros to the bits, then divide": _remainder(bits, generator),
-        "append four zeros, not three": _remainder(bits + "000", generator),
-        "append four zeros, not five": _remainder(bits + "00000", generator),
-        "is your generator written backwards?": _check_bits(bits, generator[::-1]),
-        "subtract without carries, bit by bit": f"{int(row, 2) % int(generator, 2):04b}",
-        "you used the generator in the text; yours is longer": _check_bits(bits, _SHORTER),
-    }
+def _mistaken(bits: str, generator: str) -> set[str]:
+    """Return the results of typical mistakes; too many of the 16 words to name each in a hint."""
+    wrong_zeros = {_remainder(bits + zeros, generator) for zeros in ("", "000", "00000")}
+    with_carries = f"{int(bits + '0000', 2) % int(generator, 2):04b}"
+    return {*wrong_zeros, with_carries, _check_bits(bits, generator[::-1])}
 
 
 #: Bits for which no mistake gives the right check bits, with either generator.
 _MESSAGES = tuple(
     bits
     for bits in (f"{k:06b}" for k in range(33, 64))
-    if all(_check_bits(bits, one) not in _mistaken(bits, one).values() for one in _GENERATORS)
+    if all(_check_bits(bits, one) not in _mistaken(bits, one) for one in _GENERATORS)
 )
 
 
@@ -81,8 +70,7 @@ _MESSAGES = tuple(
 def check_bits(bits: str, generator: str) -> Solution:
     """Check bits of a CRC."""
     return Bits(_check_bits(bits, generator)), {
-        **_mistaken(bits, generator),
-        "Append four zeros to the bits, write the generator under the first 1, and subtract": ANY,
+        "Append four zeros. Write the generator under the first 1 and subtract, repeatedly": ANY,
     }
 
 
@@ -145,14 +133,7 @@ def crc_width(hits: int, years: int) -> Solution:
     return Whole(width, "bits"), {
         "compute how many messages pass with that many bits: is it fewer than one?": width - 1,
         "the number of bits must be whole: round up or down?": log2(messages),
-        "the hits are counted per day: how many days are there in all the years?": (
-            ceil(log2(hits * years))
-        ),
-        "that is for one year; how many years does the ship sail?": ceil(log2(hits * 365)),
-        "that is for one day; how many days are there?": ceil(log2(hits)),
         "that is the number of messages; with n check bits, one in how many passes?": messages,
-        "the natural logarithm does not count halvings": ceil(log(messages)),
-        "the logarithm to base 10 does not count halvings": ceil(log10(messages)),
         "with one bit less, does still fewer than one message pass?": width + 1,
         "How many messages are hit in total? What fraction passes with one check bit?": ANY,
     }

@@ -46,13 +46,11 @@ def carried(ids: tuple[str, str]) -> Solution:
     winner, loser = (f"{number:011b}" for number in (min(numbers), max(numbers)))
     right = winner[:last]
     return Bits(right), {
-        "SOF, the start of frame, is not a bit of the id": "0" + right,
+        "the first of these bits is not one of the 11 bits of the id": "0" + right,
         "in the last of these bits a 0 meets a 1: what does the bus carry?": loser[:last],
         "that is the whole id; at which of its bits does the loser stop?": winner,
         "include the bit at which the loser stops": right[:-1],
         "the loser stops before the last of these bits": winner[: last + 1],
-        "three hexadecimal digits are 12 bits; the id has 11": "0" + winner,
-        "the highest bit of the id is sent first": winner[::-1][:last],
         "Write both ids as 11 bits, one above the other: what does the bus carry, bit by bit?": ANY,
     }
 
@@ -125,8 +123,7 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
             once + (bare[0] if once > stop_ms else 0.0) + bare[2]
         ),
         "how often is stop sent while yours waits? Compare the wait and the period": right + stop,
-        "how often is speed sent while yours waits? Compare the wait and the period": right + speed,
-        "your own frame does not block itself; which one does?": right - log + yours,
+        "your own frame is sent only once": right + yours,
         "that is your own frame alone; which frames can come before it?": yours,
         "which message besides stop is more urgent than yours?": right - speed,
         "Write the wait as a sum: the frame that blocks, then the more urgent frames": ANY,
@@ -175,9 +172,6 @@ def slack(messages: str) -> Solution:
         ),
         "that is one of the slacks with the right order; is it the smallest?": (
             sorted(right.values())[1]
-        ),
-        "that is a deadline minus a frame's duration; where is the wait?": min(
-            1e3 * (one.deadline - one.frame_time(_RATE)) for one in message_set
         ),
     }
     for order in permutations(message_set.names):

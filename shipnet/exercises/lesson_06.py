@@ -60,9 +60,9 @@ def response_time(registers: int, rate: int) -> Solution:
         "a byte takes more than 8 bits on the line": lasts() * 8 / 11,
         "count the bits of 8E1 again: start, data, parity, stop": lasts(character="8N1"),
         "that is the data alone; which bytes come before and after them?": lasts(-5),
-        "every frame ends with a CRC: is it counted?": lasts(-2),
-        "one byte too few: list the bytes before and after the data": lasts(-1),
-        "one byte too many: list the bytes before and after the data": lasts(1),
+        "two bytes too few: list all bytes of the response": lasts(-2),
+        "one byte too few: list all bytes of the response": lasts(-1),
+        "one byte too many: list all bytes of the response": lasts(1),
         "count from the first bit to the last: the silence comes after the response": (
             lasts() + 1e3 * SerialLine(rate).t35
         ),
@@ -121,30 +121,23 @@ def most_valves(rate: int, think_ms: int, timeout_ms: int) -> Solution:
     """Largest number of valves, one of them dead, that a master can scan in 2 s."""
     serial = SerialLine(rate)
 
-    def most(think_ms: int, dead: int = 1) -> int:
-        poll = Poll(_question(0, 4, 4), serial, processing=think_ms / 1e3, timeout=timeout_ms / 1e3)
-        return poll.max_slaves(_LIMIT, dead=dead)
+    poll = Poll(_question(0, 4, 4), serial, processing=think_ms / 1e3, timeout=timeout_ms / 1e3)
 
-    def fit(silence: float, characters: int = 21) -> int:
-        """Return how many valves fit, given each silence [s] and the characters per transaction."""
+    def fit(silence: float, think: float = think_ms / 1e3) -> int:
+        """Return how many valves fit, given each silence and the processing time [s]."""
         left = _LIMIT - 8 * serial.character_time - timeout_ms / 1e3
-        each = characters * serial.character_time + 2 * silence + think_ms / 1e3
-        return 1 + int(left / each)
+        return 1 + int(left / (21 * serial.character_time + 2 * silence + think))
 
-    right = most(think_ms)
+    right = poll.max_slaves(_LIMIT, dead=1)
     return Whole(right, "valves"), {
-        "that is without a dead valve; how much time does one dead valve take?": most(
-            think_ms, dead=0
+        "this many fit without a dead valve; how much time does one dead valve take?": (
+            poll.max_slaves(_LIMIT)
         ),
-        "valves need time to process a request": most(0),
-        # The answer if the dead valve is omitted and, in some cases, if it has processing time.
-        "the dead valve counts too, but its poll has no processing time and no silences": right - 1,
-        "subtract the dead valve's request and time-out: do the others fit into the rest?": (
-            right + 1
-        ),
+        "valves need time to process a request": fit(1.75e-3, 0),
+        "with one valve more, does the scan still take at most 2 s? The dead one counts": right - 1,
+        "with this many valves, one of them dead, does the scan take at most 2 s?": right + 1,
         "there are two silences in each transaction": fit(0),
         "how long is a silence above 19200 bit/s?": fit(3.5 * serial.character_time),
         "there is a silence after the response, too": fit(1.75e-3 / 2),
-        "four registers are 8 bytes": fit(1.75e-3, 17),
         "How long does the dead valve take, and how many others fit into the remaining time?": ANY,
     }

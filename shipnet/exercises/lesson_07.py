@@ -29,12 +29,10 @@ def unread(ring: dict[str, int]) -> Solution:
     return Whole(model.seems_unread, "bytes"), {
         "the difference is below zero: what do the different flags mean?": ring["no"]
         - ring["get_no"],
-        "those are the free places; has the writer passed the end?": ring["get_no"] - ring["no"],
+        "are those the unread bytes, or the free places?": ring["get_no"] - ring["no"],
         "that is one lap of the ring too many": model.seems_unread + _SIZE,
-        "the ring has 128 places, numbered from 0 to 127": model.seems_unread - 1,
+        "the bytes at `get_no` and at place 127 are unread, too": model.seems_unread - 1,
         "the byte at `no` has not been written yet": model.seems_unread + 1,
-        "those lie before the ring's end; how many lie at its beginning?": _SIZE - ring["get_no"],
-        "those lie at the ring's beginning; how many lie before its end?": ring["no"],
         "Draw the places as a circle and mark `no` and `get_no`: which bytes lie between?": ANY,
     }
 
@@ -56,7 +54,6 @@ def empty_again(places: int, rate: int) -> Solution:
         "these lines have no parity bit: 10 bits per byte": 1.1 * right,
         "the rate counts bits, not bytes": right / _CHARACTER,
         "that is one byte; how many bytes arrive?": 1e3 * _CHARACTER / rate,
-        "that is four laps; when do number and flag repeat?": 2 * right,
         "After how many bytes do number and flag both repeat? How long does a byte take?": ANY,
     }
 
@@ -165,7 +162,6 @@ def free_places(rate: int, pause_ms: int, waiting: int) -> Solution:
         "the next smaller power of two is enough": 2 * size - needed,
         "some bytes are already waiting and need room": size - coming,
         "a byte takes 10 bits on this line": _free(waiting + rate * pause_ms / 8000),
-        "a ring with as many places as bytes loses nothing": size - needed - 1,
         "Compute the bytes that need room, the next power of two, and the free places": ANY,
     }
 

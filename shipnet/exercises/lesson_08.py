@@ -29,11 +29,8 @@ def between_cuts(n: int, first: int, second: int) -> Solution:
     return Whole(_lost(n, [first, second]), "valves"), {
         "those are the valves that still answer": n - second + first,
         "port B still reaches the valves after the second cut": n - first,
-        "port A still reaches the valves before the first cut": second,
-        "port B reaches those; which valves does neither port reach?": n - second,
-        "port A reaches those; which valves does neither port reach?": first,
-        "the first cut leaves valve `first` connected to port A": second - first + 1,
-        "the valve just before the second cut is lost too": second - first - 1,
+        "which port reaches valve `first`?": second - first + 1,
+        "does a port reach valve `first` + 1, or valve `second`?": second - first - 1,
         "List the valves that port A reaches, and those that port B reaches; count the others": ANY,
     }
 

@@ -45,11 +45,6 @@ def _any_of(readings: dict[str, float]) -> list[str]:
     ]
 
 
-def _mean(held: list[str]) -> frozenset[str]:
-    """Return the fault whose number is the rounded mean of the numbers of the faults found."""
-    return frozenset({_BASE.codes[round(np.mean([*map(_BASE.codes.index, held)]))]})
-
-
 @solution("ex-09-1", "codes", readings=_cases())
 def codes(readings: dict[str, float]) -> Solution:
     """Rules that hold for the given readings."""
@@ -57,11 +52,12 @@ def codes(readings: dict[str, float]) -> Solution:
     return Words(frozenset(held), _BASE.codes), {
         "that is only the highest-ranked rule; list every rule that holds": frozenset(held[:1]),
         "that is only the lowest-ranked rule; list every rule that holds": frozenset(held[-1:]),
-        "that is the fault with the mean number; fault numbers are only names": _mean(held),
         "in these rules at least one comparison holds; all comparisons must hold": (
             frozenset(_any_of(readings))
         ),
-        "these fire with ramps; which hold without them?": frozenset(_firing(readings, "fuzzy")[0]),
+        "not all of these hold without ramps: what are the printed thresholds?": frozenset(
+            _firing(readings, "fuzzy")[0]
+        ),
         "these rules do not hold; which ones do?": frozenset(_BASE.codes) - frozenset(held),
         "some rules hold: compare the readings with the thresholds, row by row": frozenset(),
         "Go through the table row by row: a rule holds only if all its comparisons hold": ANY,
@@ -87,7 +83,7 @@ def strength(FP: float, OP: float) -> Solution:
         "your `ramps` is the stronger term; both terms must apply": row(max(terms)),
         "your `ramps` is the sum; the weaker term decides": row(sum(terms)),
         "your `ramps` is 1 minus the weaker term": row(1 - min(terms)),
-        "How far along its ramp is each reading? Then combine the two memberships": ANY,
+        "For `printed`, test both comparisons; for `ramps`, how far along is each reading?": ANY,
     }
 
 
@@ -168,5 +164,5 @@ def windows(burst: int, period: int, step: int) -> Solution:
         "your `delay` is in steps; how long is a step?": [
             {**row, "delay": row["delay"] / step} for row in rows
         ],
-        "Slide a window along the pattern: how many disturbed readings are in it at most?": ANY,
+        "For `k`, slide a window along the bursts; for `delay`, count steps to reading k": ANY,
     }

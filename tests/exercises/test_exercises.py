@@ -137,7 +137,8 @@ def test_each_mistake_is_refused_and_named_unless_another_one_gives_the_same(key
         solution = one.solve(**numbers)
         solved = replace(one, solve=lambda solution=solution, **_: solution)
         right, mistakes, begin = hints(solved, numbers)
-        assert len(mistakes) >= 5
+        # With few bits or a small count, a named mistake would too often be another one.
+        assert len(mistakes) >= 4 or type(right) in (Bits, Whole)
         for hint, wrong in mistakes.items():
             fault = solved.fault(wrong, Drawn(numbers))
             assert fault is not None, f"{numbers}: {hint!r} is right"
@@ -145,13 +146,15 @@ def test_each_mistake_is_refused_and_named_unless_another_one_gives_the_same(key
                 f"{numbers}: {hint!r} got {fault!r}"
             )
             named[hint] += fault == hint
-            if fault != hint:
+            if fault != hint and "if you rounded" not in fault:
                 answer = right.read(wrong)
                 same = [w for w in mistakes.values() if not replace(right, value=w).fault(answer)]
                 assert len(same) > 1
             assert not gives_away(fault, right), f"{numbers}: {fault!r}"
     # A hint that hardly anybody gets is one that the numbers of the exercise hide.
-    assert key == "ex-05-4" or min(named.values()) > n_draws / 4, named.most_common()[-1]
+    assert key == "ex-05-4" or min(named.values(), default=n_draws) > n_draws / 4, (
+        named.most_common()[-1]
+    )
 
 
 #: The answer is a function, the same for everybody; an AS-i answer has four bits, of which four
@@ -192,16 +195,20 @@ def test_a_right_answer_is_right_in_any_notation(key):
             assert one.fault(answer, Drawn(numbers)) is None
 
 
-def test_a_quantity_guessed_by_chance_hardly_ever_gets_a_diagnosis():
-    rng, diagnosed = np.random.default_rng(1), []
+def test_an_answer_guessed_by_chance_hardly_ever_gets_a_diagnosis():
+    rng, diagnosed, words = np.random.default_rng(1), [], []
     for one in map(exercise, EXERCISES):
         for numbers in draws(one, 10):
             right, mistakes, _ = hints(one, numbers)
             if type(right) is Number:
                 guesses = right.value * np.exp(rng.uniform(-1, 1, 10))
                 diagnosed += [one.fault(guess, Drawn(numbers)) in mistakes for guess in guesses]
-    # Each of up to nine mistakes covers 1 % of a number.
-    assert len(diagnosed) > 1000 and np.mean(diagnosed) <= 0.05
+            elif type(right) is Bits:
+                guesses = ["".join(rng.choice([*"01"], len(right.value))) for _ in range(10)]
+                words += [one.fault(guess, Drawn(numbers)) in mistakes for guess in guesses]
+    # Each of up to nine mistakes covers 0.1 % of a number.
+    assert len(diagnosed) > 1000 and np.mean(diagnosed) <= 0.005
+    assert len(words) >= 400 and np.mean(words) <= 0.04
 
 
 #: What may be tried one after the other until the check says yes.
@@ -290,8 +297,8 @@ def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
     [
         (Number(6.0, "us"), 6e-3, "1000 times too small: which unit"),
         (Number(6.0, "us"), "6 us", "without quotes"),
-        (Number(6.2431, "us"), 6.2, "round only at the end"),
-        (Number(-62.431, "V"), -62, "round only at the end"),
+        (Number(6.2431, "us"), 6.2, "if you rounded"),
+        (Number(-62.431, "V"), -62, "if you rounded"),
         (Number(6.2831, "us"), 6.4, "not right yet"),
         (Number(0.0, "us"), 0.04, "not right yet"),
         (Number(6.0, "us"), 19, "far too large"),
@@ -309,7 +316,7 @@ def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
         (Bits("0011001"), "001100", "these 6 bits are not right yet"),
         (Bits("0011001"), "001x001", "'x' is not a bit"),
         (Bytes(b"\x01\x03"), "1 3", "two digits"),
-        (Bytes(b"\x01\x03"), "01", "this byte is not right yet"),
+        (Bytes(b"\x01\x03"), "01", "2 bytes are expected, got 1"),
         (Bytes(b"\x01\x03"), [1, 256], "from 0 to 255"),
         (Bytes(b"\x01\x03"), 1, "of type int"),
         (Bytes(b"\x01\x03\x0a\x84"), "02 03 0a 85", "bytes 1, 4 are not right yet"),
@@ -364,7 +371,7 @@ def test_a_function_that_stops_is_reported_with_its_line():
 @pytest.mark.parametrize(
     ("wrong", "hint"),
     [
-        (lambda n: None, "returned nothing"),
+        (lambda n: None, "returned None"),
         (lambda n: 2 if n == 1 else 9, "<lambda>(5) returned 9: "),
         (lambda: 1, "takes 0 positional arguments"),
         (3, "a function is expected"),
