@@ -343,7 +343,7 @@ class Table:
         if missing := [name for name in columns if any(name not in row for row in rows)]:
             raise Misread(f"column {missing[0]!r} is missing; expected: {', '.join(columns)}")
         if len(rows) != len(self.value):
-            raise Misread(f"{len(self.value)} rows are expected, got {len(rows)}")
+            raise Misread(f"expected number of rows: {len(self.value)}, got {len(rows)}")
         if any(blank(row[name]) for row in rows for name in columns):
             raise NotSolved
         numbers = [

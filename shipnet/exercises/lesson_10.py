@@ -129,12 +129,13 @@ def _cheapest(options: _Options, limit: float, faults: bool = False) -> str:
 
 
 def _cases() -> list[tuple[_Options, int]]:
-    """Return pairs of a set of options and a limit on the loss; the first set is invented."""
+    """Return pairs of a set of options and a limit on the loss; the first two sets are invented."""
     made_up = {"home runs": (50, 3, 0), "CAN": (40, 5, 0), "AS-i": (60, 4, 0), _POOR: (55, 2, 0)}
     long, short = _reviews()
     most = long["AS-i"][1]
     limits = ((long, 1), (long, most), (long, most - 1), (long, 0), (short, short["CAN"][1]))
-    return [(made_up, 5), *limits]
+    one_fault = {"home runs": (50, 3, 0), "CAN": (40, 2, 1), "AS-i": (45, 1, 0)}
+    return [(made_up, 5), (one_fault, 5), *limits]
 
 
 @solution("ex-10-4", "choose")

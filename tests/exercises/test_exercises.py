@@ -421,7 +421,7 @@ def test_a_table_is_compared_row_by_row():
         TABLE, right.assign(cycle=[0.5, 5000.0])
     )
     assert "'cycle' is missing" in said_of(TABLE, right[["n"]])
-    assert "2 rows are expected, got 1" in said_of(TABLE, right[:1])
+    assert "expected number of rows: 2, got 1" in said_of(TABLE, right[:1])
     assert said_of(TABLE, right.to_dict("records")) is None
     assert said_of(TABLE, right[::-1]) is None
     with pytest.raises(NotSolved):
