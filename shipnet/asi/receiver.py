@@ -486,7 +486,7 @@ class Eye(NamedTuple):
         """Draw all half-bits superimposed, with the tolerances, as in icn2007's Fig 8."""
         ax = style.axes(ax)
         t = self.t * 1e6
-        for rows, colour, label in [(self.pulses, "C0", "pulse"), (self.gaps, "C1", "no pulse")]:
+        for rows, colour, label in [(self.pulses, "C0", "pulse"), (self.gaps, "C4", "no pulse")]:
             lines = ax.plot(t, rows.T, color=colour, alpha=0.15, linewidth=0.8)
             if lines:
                 ax.plot([], [], color=colour, label=label)

@@ -42,9 +42,9 @@ def plot_points(points: pd.DataFrame, option: str, *, ax: Axes | None = None) ->
             f"{missing.iloc[0]}; add a column device, or draw a design: points.plan('CAN').plot()"
         )
     devices = [(str(device), rows_of) for device, rows_of in points.groupby("device", sort=False)]
-    ax = style.axes(ax, figsize=(8, 4))
+    ax = style.axes(ax, figsize=(6.4, 4))
     height = len(devices)
-    _box(ax, 0, -(height - 1) / 2, 1.6, height - 0.3, "control\npanel\n(PLC)", _PANEL)
+    _box(ax, 0, -(height - 1) / 2, 1.4, height - 0.3, "control\npanel\n(PLC)", _PANEL)
     for row, (device, _) in enumerate(devices):
         _box(ax, 8, -row, 1.9, 0.72, device, _DEVICE)
     rows, text = drawers[option](ax, devices, Counter(points["signal"]))
@@ -66,7 +66,7 @@ def _plot_hardwired(
             conductors = SIGNALS[str(point.signal)].conductors
             for conductor in range(conductors):
                 offset = 0.05 * (conductor - (conductors - 1) / 2)
-                ax.plot([1.66, 7.94], [y + offset, y + offset], color="0.25", linewidth=0.9)
+                ax.plot([1.46, 7.94], [y + offset, y + offset], color="0.25", linewidth=0.9)
             s = "s" if conductors > 1 else ""
             words = f"{str(point.tag).removeprefix(f'{device}-')}  {conductors} conductor{s}"
             white = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
@@ -74,7 +74,7 @@ def _plot_hardwired(
     shared = [kind for kind in counts if SIGNALS[kind].common]
     for number, kind in enumerate(shared):
         y = -height + 0.45 - 0.12 * number
-        ax.plot([1.66, 7.94], [y, y], color="0.25", linewidth=0.9, linestyle="--")
+        ax.plot([1.46, 7.94], [y, y], color="0.25", linewidth=0.9, linestyle="--")
         ax.text(7.8, y + 0.02, f"return of {kind}", ha="right", va="bottom")
     conductors = hardwired_conductors(counts)
     text = f"hardwired: {conductors} conductors for {counts.total()} points"
@@ -87,19 +87,19 @@ def _plot_asi(
     """Draw points on one AS-i line as in kim2023's Fig 2; return the height and a caption."""
     height = len(devices)
     middle = -(height - 1) / 2
-    _box(ax, 2.1, middle, 1.3, 0.9, "AS-i\nmaster", _MODULE)
-    ax.plot([1.66, 2.04], [middle, middle], color="0.25", linewidth=3)
-    ax.plot([3.46, 4.2], [middle, middle], color=_CABLE, linewidth=3)
-    ax.plot([4.2, 4.2], [0, -(height - 1)], color=_CABLE, linewidth=3, solid_capstyle="round")
+    _box(ax, 1.9, middle, 1.4, 0.9, "AS-i\nmaster", _MODULE)
+    ax.plot([1.46, 1.84], [middle, middle], color="0.25", linewidth=3)
+    ax.plot([3.36, 3.7], [middle, middle], color=_CABLE, linewidth=3)
+    ax.plot([3.7, 3.7], [0, -(height - 1)], color=_CABLE, linewidth=3, solid_capstyle="round")
     for row, (_, points) in enumerate(devices):
-        ax.plot([4.2, 4.95], [-row, -row], color=_CABLE, linewidth=3)
-        _box(ax, 5, -row, 1.3, 0.72, f"slave {row + 1}", _MODULE)
+        ax.plot([3.7, 4.15], [-row, -row], color=_CABLE, linewidth=3)
+        _box(ax, 4.2, -row, 1.1, 0.72, f"slave\n{row + 1}", _MODULE)
         local = hardwired_conductors(Counter(points["signal"]))
-        ax.plot([6.36, 7.94], [-row, -row], color="0.25", linewidth=2)
+        ax.plot([5.36, 7.94], [-row, -row], color="0.25", linewidth=2)
         words, above = f"{local} conductors", -row + 0.06
-        ax.text(7.15, above, words, ha="center", va="bottom", color="0.25")
-    supply = f"{ASI_PAIR} conductors, data and supply"
-    ax.text(4.5, 0.45, supply, ha="right", color="#8a6d00")
+        ax.text(6.65, above, words, ha="center", va="bottom", color="0.25")
+    supply = f"{ASI_PAIR} conductors,\ndata and supply"
+    ax.text(4.0, 0.42, supply, ha="right", color="#8a6d00")
     return height + 0.1, f"AS-i: {ASI_PAIR} conductors in the trunk for {counts.total()} points"
 
 

@@ -316,7 +316,7 @@ def plot_levels(ax: Axes | None = None) -> Axes:
     >>> print(plot_levels().get_xlabel())
     AS-i level over marine level
     """
-    ax, table = style.axes(ax, figsize=(6.4, 4)), levels()
+    ax, table = style.axes(ax, figsize=(6.4, 5.2)), levels()
     drawn = table["parameter"].isin(_SEVERITY) & (table["gap"] != "not asked")
     rows = table[drawn].to_dict("records")
     for y, row in enumerate(rows):
@@ -326,20 +326,20 @@ def plot_levels(ax: Axes | None = None) -> Axes:
         if not missing:
             ax.plot([1, x], [y, y], color=colour, linewidth=3, alpha=0.5)
             ax.plot([x], [y], "o", color=colour, markerfacecolor="white" if unsure else colour)
-        tested = "no test" if missing else f"{row['asi']:g} {row['unit']}"
-        text = f"{tested}, ship {row['marine']:g} {row['unit']}"
-        text += " (not confirmed)" if unsure else ""
+        tested = "no test" if missing else f"{row['asi']:g}"
+        text = f"{tested} / {row['marine']:g} {row['unit']}"
+        text += "\n(not confirmed)" if unsure else ""
         ax.annotate(text, (max(x, 1.0), y), (7, 0), textcoords="offset points", va="center")
     colour, dashes = style.LIMIT["color"], style.LIMIT["linestyle"]
     ax.axvline(1, color=colour, linestyle=dashes, zorder=0)
     above: dict[str, Any] = {"xycoords": ax.get_xaxis_transform(), "textcoords": "offset points"}
     ax.annotate("required on ships", (1, 1), (0, 3), ha="center", color=colour, **above)
     names = [row["test"] + ("" if row["unit"] != "MHz" else ", highest frequency") for row in rows]
-    ax.set_yticks(range(len(rows)), names)
+    ax.set_yticks(range(len(rows)), [name.replace(", ", ",\n") for name in names])
     ax.set_xscale("log")
     ax.set_xticks([0.5, 1, 2, 5], ["0.5", "1", "2", "5"])
     ax.minorticks_off()
-    ax.set(xlim=(0.32, 40), ylim=(len(rows) - 0.5, -0.5))
+    ax.set(xlim=(0.32, 20), ylim=(len(rows) - 0.5, -0.5))
     ax.set_xlabel("AS-i level over marine level")
     ax.grid(visible=False, axis="y")
     return ax

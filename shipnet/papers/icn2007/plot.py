@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from shipnet import style
 from shipnet.asi.modulation import HALF_BIT, Modulation
 from shipnet.asi.slave import Slave
 from shipnet.asi.states import ExchangeStates
@@ -22,7 +21,7 @@ REQUEST = Request.data_exchange(21, 0xE)
 SKIN = Cable(r=0.03, l=0.65e-6, c=65e-12, skin=30e3)
 
 
-drawing("icn2007", "Fig 9", figsize=(9, 2.6))(
+drawing("icn2007", "Fig 9", figsize=(6.4, 3))(
     lambda *, ax: Transaction().plot(REQUEST, REQUEST.answer(0x6), ax)
 )
 drawing("icn2007", "Fig 3.19", figsize=(6.5, 3.4))(
@@ -30,7 +29,7 @@ drawing("icn2007", "Fig 3.19", figsize=(6.5, 3.4))(
 )
 
 
-@drawing("icn2007", "Fig 7a/7b", figsize=(7, 4.6))
+@drawing("icn2007", "Fig 7a/7b", figsize=(6.4, 4.6))
 def _bits_and_pulses(*, at: float = 50.0, ax: Axes) -> Axes:
     """Draw bits, current and voltage of the example request."""
     wave = line(100, slaves=(5, at, 100)).waveform(
@@ -40,10 +39,10 @@ def _bits_and_pulses(*, at: float = 50.0, ax: Axes) -> Axes:
     return ax
 
 
-@drawing("icn2007", "Fig 8", figsize=(7.5, 3.2))
+@drawing("icn2007", "Fig 8", figsize=(6.4, 6))
 def _eyes(*, lengths: tuple[float, ...] = (100, 150, 200), ax: Axes) -> Axes:
     """Draw the eye diagrams of a near and a far slave on cables of these lengths [m]."""
-    for panel, length in zip(panels(ax, 1, len(lengths)), lengths, strict=True):
+    for panel, length in zip(panels(ax, len(lengths), sharex=True), lengths, strict=True):
         wave = line(length, slaves=(5, length)).waveform(dt=50e-9, before=5e-6, after=55.4e-6)
         wave.eye().plot(panel)
         panel.set(title=f"{length} m", ylim=(-0.6, 1.1))
@@ -52,26 +51,22 @@ def _eyes(*, lengths: tuple[float, ...] = (100, 150, 200), ax: Axes) -> Axes:
     return ax
 
 
-@drawing("icn2007", "Fig 4-1", figsize=(6.4, 4.4))
+@drawing("icn2007", "Fig 4-1", figsize=(6.4, 5))
 def _impedance_and_spectrum(*, cable: Cable = CABLES["as-i 1.5"], ax: Axes) -> Axes:
     """Draw the impedance of the cable, and the spectrum of the example request."""
-    upper, lower = panels(ax, 2, sharex=True)
     f = np.arange(1e3, 800e3, 1e3)
     s = 2j * np.pi * f
     series = cable.series_impedance(s)
-    upper.plot(f / 1e3, np.abs(series))
-    upper.set(ylabel="impedance [Ω/m]", ylim=(0, None))
-    wave = upper.twinx()
-    characteristic = np.abs(np.sqrt(series / cable.shunt_admittance(s)))
-    wave.plot(f / 1e3, characteristic, "C1--")
-    wave.set(ylabel="[Ω]", ylim=(0, 600))
-    wave.grid(visible=False)
-    names = ("series, per metre (left)", "characteristic (right)")
-    upper.legend([*upper.lines, *wave.lines], names, loc="upper center")
-    upper.label_outer()
     level = Modulation(REQUEST.bits).spectrum(f)
-    lower.plot(f / 1e3, level / level.max(), color="C2")
-    lower.set(xlabel="frequency [kHz]", ylabel="signal / largest", xlim=(0, 800))
+    curves = {
+        "series\nimpedance [Ω/m]": np.abs(series),
+        "characteristic\nimpedance [Ω]": np.abs(np.sqrt(series / cable.shunt_admittance(s))),
+        "signal / largest": level / level.max(),
+    }
+    for panel, (name, values) in zip(panels(ax, 3, sharex=True), curves.items(), strict=True):
+        panel.plot(f / 1e3, values)
+        panel.set(ylabel=name, ylim=(0, None))
+    panel.set(xlabel="frequency [kHz]", xlim=(0, 800))
     return ax
 
 
@@ -81,9 +76,10 @@ def _attenuation(*, ax: Axes) -> Axes:
     f = np.arange(0.5e3, 800e3, 1e3)
     cables = {"constant resistance": CABLES["as-i 1.5"], "skin effect, assumed": SKIN}
     for (name, cable), look in zip(cables.items(), ("-", "--"), strict=True):
-        ax.plot(f / 1e3, 100 * cable.attenuation(f), "C3" + look, label=name)
+        loss = 100 * cable.attenuation(f)
+        ax.plot(f / 1e3, loss, "C3" + look)
+        ax.text(800, loss[-1] + 0.02, name, color="C3", ha="right")
     ax.set(xlabel="frequency [kHz]", ylabel="loss [dB / 100 m]", xlim=(0, 800), ylim=(0, 0.6))
-    style.legend(ax)
     return ax
 
 

@@ -23,9 +23,9 @@ from shipnet.papers.registry import drawing
 _RECORD: dict[str, Any] = {"dt": 50e-9, "before": 0, "after": 9.2e-6}
 
 
-drawing("kim2023", "Fig 1", figsize=(8, 4))(lambda *, ax: _valves().plot("home runs", ax=ax))
-drawing("kim2023", "Fig 2", figsize=(8, 4))(lambda *, ax: _valves().plot("AS-i", ax=ax))
-drawing("kim2023", "Table 7", figsize=(8, 2.4))(Profile.plot_table)
+drawing("kim2023", "Fig 1", figsize=(6.4, 4))(lambda *, ax: _valves().plot("home runs", ax=ax))
+drawing("kim2023", "Fig 2", figsize=(6.4, 4))(lambda *, ax: _valves().plot("AS-i", ax=ax))
+drawing("kim2023", "Table 7", figsize=(6.4, 2.4))(Profile.plot_table)
 diagrams("kim2023", "Fig 10", arrowstyle="-")
 
 
@@ -44,19 +44,19 @@ def _near_and_far(*, near: float = 5.0, far: float = 100.0, ax: Axes) -> Axes:
     return ax
 
 
-@drawing("kim2023", "Fig 5", figsize=(9, 5))
+@drawing("kim2023", "Fig 5", figsize=(6.4, 6))
 def _message(*, request: str = EXAMPLE_REQUEST, response: str = EXAMPLE_RESPONSE, ax: Axes) -> Axes:
     """Draw the example with its bits as printed, and with the parity bit corrected."""
     right = Request.data_exchange(21, 0xE).bits
-    titles = {"as printed": request, "with the right parity bit": right}
+    titles = {"as printed": request, "corrected": right}
     for panel, (title, bits) in zip(panels(ax, 2, sharex=True), titles.items(), strict=True):
         Transaction().plot(bits, response, panel)
-        panel.set_title(title, loc="left")
+        panel.set_title(f"{title}: parity bit PB = {bits[12]}", loc="left")
         panel.label_outer()
     return ax
 
 
-@drawing("kim2023", "Fig 6", figsize=(7, 8))
+@drawing("kim2023", "Fig 6", figsize=(6.4, 8))
 def _errors(*, ax: Axes) -> Axes:
     """Draw seven pulse trains with one error each, the damaged slots shaded."""
     signs = [*Modulation(Response(0x6).bits).pulses.signs, 0, 0]
@@ -69,10 +69,10 @@ def _errors(*, ax: Axes) -> Axes:
     return ax
 
 
-@drawing("kim2023", "Fig 7", figsize=(8, 2.8))
+@drawing("kim2023", "Fig 7", figsize=(6.4, 2.8))
 def _string_of_valves(*, valves: int = 400, ax: Axes) -> Axes:
     """Draw valves on one of the AS-i strings that this many valves need."""
-    lines, shown = lines_needed(valves), 5
+    lines, shown = lines_needed(valves), 3
     box(ax, (-2.6, 0.15), 1.5, 0.7, FILL["blue"], "master")
     box(ax, (-2.6, 1.15), 1.5, 0.7, FILL["amber"], "supply")
     ax.plot([-1.1, shown + 1.3], [0.5, 0.5], color="C1", lw=3, zorder=1)
@@ -81,16 +81,16 @@ def _string_of_valves(*, valves: int = 400, ax: Axes) -> Axes:
     numbers = [*(f"{k + 1}" for k in range(shown)), f"{-(-valves // lines)}"]
     for x, number in zip(places, numbers, strict=True):
         ax.plot([x, x], [0.5, -0.05], color="C1", lw=2, zorder=1)
-        box(ax, (x - 0.36, -0.5), 0.72, 0.45, FILL["green"], "head")
+        box(ax, (x - 0.42, -0.5), 0.84, 0.45, FILL["green"], "head")
         ax.plot([x, x], [-0.5, -0.85], color="0.3", lw=2)
         half = np.array([[-0.36, -1.05], [-0.36, -0.65], [0, -0.85]])
         for side in (half, half * [-1, 1]):
             ax.fill(x + side[:, 0], side[:, 1], facecolor="white", edgecolor="0.2")
-        ax.text(x, -1.15, f"valve {number}", ha="center", va="top")
+        ax.text(x, -1.15, f"valve\n{number}", ha="center", va="top")
     ax.text(shown + 0.15, -0.28, "...", ha="center", va="center", fontsize=14)
     words = f"AS-i string 1 of {lines} for {valves} valves"
     ax.text(shown / 2, 0.62, words, ha="center", va="bottom")
-    return style.bare(ax, (-2.8, shown + 1.9), (-1.55, 2.0))
+    return style.bare(ax, (-2.8, shown + 1.9), (-1.85, 2.0))
 
 
 @drawing("kim2023", "Fig 9")
@@ -112,7 +112,7 @@ def _index_table(*, ax: Axes) -> Axes:
     return style.bare(ax, (-2.3, 1.2), (-1.15, 1.15))
 
 
-@drawing("kim2023", "Table 3", figsize=(7, 9))
+@drawing("kim2023", "Table 3", figsize=(6.4, 8))
 def _six_steps(*, data: int = 0x6, ax: Axes) -> Axes:
     """Draw the six steps from bits to pulses and back."""
     response = Response(data)

@@ -23,8 +23,9 @@ __all__ = ["plot_channels"]
 #: Start of each box's loop [s]; the boxes do not start together.
 _PHASES = {"JB1": 0.0, "JB2": 0.08, "JB3": 0.12}
 
-diagrams("lee2012", "Fig 6")
-diagrams("lee2012", "Fig 7", "Fig 10", arrowstyle="-")
+diagrams("lee2012", "Fig 6", height=3.6)
+diagrams("lee2012", "Fig 7", height=4.4, arrowstyle="-")
+diagrams("lee2012", "Fig 10", arrowstyle="-")
 drawing("lee2012", "Fig 3")(lambda *, ax: System().plot(ax=ax))
 drawing("lee2012", "Fig 5")(
     lambda *, ax: simulate(System(), until=1.3, phases=_PHASES).plot_timeline(1.0, 1.3, ax)
@@ -44,8 +45,8 @@ def _engine(*, cylinders: int = 8, ax: Axes) -> Axes:
     for floor, name in enumerate(listed.boxes):
         y = 2.1 - floor
         ax.plot([-0.9, cylinders + 0.4], [y - 0.1, y - 0.1], color="0.3", lw=1)
-        points = f"{name}\n{counted[name]} points"
-        box(ax, (cylinders + 0.55, y), 1.35, 0.6, FILL["amber"], points)
+        points = f"{name}\n{counted[name]}\npoints"
+        box(ax, (cylinders + 0.55, y), 1.35, 0.8, FILL["amber"], points)
         ax.text(-0.95, y, f"floor {3 - floor}", ha="right")
     return style.bare(ax, (-2.2, cylinders + 2.1), (-0.1, 3.0))
 
@@ -55,7 +56,7 @@ def _wiring(*, ax: Axes) -> Axes:
     """Draw a cable from each sensor to its junction box, and on to the control room."""
     points, top = read_points(), 3.2
     by_box = points.by_box()
-    for x, width, room in ((-0.3, 5.5, "engine room"), (6.4, 2.0, "engine control room")):
+    for x, width, room in ((-0.3, 5.5, "engine room"), (6.4, 2.0, "engine\ncontrol room")):
         box(ax, (x, -0.3), width, top + 0.6, "0.97", edgecolor="0.6", linestyle="--")
         ax.text(x + width / 2, top + 0.4, room, ha="center", va="bottom")
     rise, cables = 0.0, len(points)
@@ -66,14 +67,14 @@ def _wiring(*, ax: Axes) -> Axes:
         ax.plot(np.full(len(sensors), 0.5), heights, ".", color="C0", markersize=3)
         ax.plot([0.5, 3.4], [heights, heights], color="C0", lw=0.4)
         ax.plot([4.6, 7.0], [heights, ends], color="C0", lw=0.4)
-        box(ax, (3.4, y - 0.45), 1.2, 0.9, FILL["amber"], f"{name}\n{len(sensors)} sensors")
+        box(ax, (3.4, y - 0.45), 1.2, 0.9, FILL["amber"], f"{name}\n{len(sensors)}\nsensors")
         ax.text(0.4, y, f"floor {3 - floor}", ha="right", va="center", rotation=90)
         rise += len(sensors)
     box(ax, (7.0, 0), 0.9, top, FILL["blue"], "AMS")
-    return style.bare(ax, (-0.4, 8.5), (-0.4, top + 0.8))
+    return style.bare(ax, (-0.4, 8.5), (-0.4, top + 1))
 
 
-@drawing("lee2012", "Fig 8", figsize=(8, 5))
+@drawing("lee2012", "Fig 8", figsize=(6.4, 5))
 def _converters(*, margin: float = 0.125, ax: Axes) -> Axes:
     """Draw the stages of the three converters, and the voltage that each makes of its signal.
 
@@ -82,7 +83,7 @@ def _converters(*, margin: float = 0.125, ax: Axes) -> Axes:
     stages, below = panels(ax, 2)
     diagram("lee2012", "Fig 8", ax=stages)
     signals = {
-        "resistance of the Pt100 [Ω]": (np.linspace(70, 190, 400), 1.0),
+        "Pt100 resistance [Ω]": (np.linspace(70, 190, 400), 1.0),
         "loop current [mA]": (np.linspace(0, 24, 400), 1e-3),
         "contact (1: closed)": (np.array([0.0, 1.0]), 1.0),
     }
@@ -93,9 +94,11 @@ def _converters(*, margin: float = 0.125, ax: Axes) -> Axes:
         for label, look, edge in (("as printed", "-", 0.0), ("corrected", "--", margin)):
             volts = InputCard(PointList([point]), margin=edge).voltage(unit * signal[:, None])
             panel.plot(signal, volts, look if point.analogue else "o", label=label)
-        panel.set(xlabel=name, ylabel="converter input [V]")
+        panel.set_xlabel(name)
     panel.set_xticks([0, 1])
-    panel.figure.axes[-2].legend()
+    first, middle = panel.figure.axes[-3:-1]
+    first.set_ylabel("converter input [V]")
+    style.legend(middle)
     return ax
 
 
@@ -106,7 +109,7 @@ def _screen(*, ax: Axes) -> Axes:
     return simulate(System(), faults=dead, until=20.0, phases=_PHASES).screen(13.0).plot(ax)
 
 
-@drawing("lee2012", "Fig 12", figsize=(8, 5))
+@drawing("lee2012", "Fig 12", figsize=(6.4, 5))
 def _redundancy(*, cut: float = 1.5, ax: Axes) -> Axes:
     """Draw the test, and what the AMS sends if channel 1 is unplugged at `cut` [s]."""
     scenario, traces = panels(ax, 2)
@@ -130,6 +133,6 @@ def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *
             beside = ax.get_yaxis_transform()
             ax.text(1.01, height, f"{text:g}", transform=beside, va="center")
         middles.append(base + 0.5)
-    ax.set_yticks(middles, labels=list(channels))
-    ax.set(xlabel="time [ms]", ylim=(-1.5 * (len(channels) - 1) - 0.25, 1.25))
+    ax.set_yticks(middles, [name.replace(" of ", " of\n") for name in channels])
+    ax.set(xlabel="time [ms]", ylim=(-1.5 * (len(channels) - 1) - 0.25, 1.45))
     return ax
