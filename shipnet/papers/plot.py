@@ -109,10 +109,11 @@ def _name(ax: Axes, points: Sequence[Point], word: str, *, loose: bool) -> None:
     )
 
 
-def diagrams(paper: str, *items: str, arrowstyle: str = "->") -> None:
-    """Register figures that consist of a diagram only."""
+def diagrams(paper: str, *items: str, height: float = 3.2, arrowstyle: str = "->") -> None:
+    """Register figures that consist of a diagram only, with their height [inch]."""
     for item in items:
-        drawing(paper, item, figsize=(8, 3.2))(partial(diagram, paper, item, arrowstyle=arrowstyle))
+        draw = partial(diagram, paper, item, arrowstyle=arrowstyle)
+        drawing(paper, item, figsize=(6.4, height))(draw)
 
 
 def panels(ax: Axes, rows: int, columns: int = 1, *, sharex: bool = False) -> list[Axes]:

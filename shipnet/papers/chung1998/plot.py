@@ -19,7 +19,9 @@ from shipnet.remote_control.ring_buffer import Ring
 from shipnet.remote_control.simulation import Run, simulate
 
 # The stations follow the text of section 2, the flow charts that of sections 4 to 4.3.
-diagrams("chung1998", "Fig 1", "Fig 5", "Fig 6", "Fig 7", "Fig 8(a)", "Fig 8(b)")
+diagrams("chung1998", "Fig 1", "Fig 6", "Fig 8(b)", height=3.8)
+diagrams("chung1998", "Fig 5", "Fig 8(a)")
+diagrams("chung1998", "Fig 7", height=2.4)
 # We assume that each packet takes 10 ms to process.
 drawing("chung1998", "Fig 2")(
     lambda *, ax: simulate(as_printed(processing=10e-3), until=0.4).plot(ax=ax)

@@ -28,8 +28,8 @@ __all__ = ["plot_ages", "plot_control_system", "plot_seen_strokes"]
 _QUERY = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 _LINE = SerialLine(9600)
 
-diagrams("kim2014", "Fig 2", "Fig 7", "Fig 9", "Fig 10")
-diagrams("kim2014", "Fig 15", arrowstyle="-")
+diagrams("kim2014", "Fig 2", "Fig 7", "Fig 9", "Fig 10", height=2.6)
+diagrams("kim2014", "Fig 15", height=2.8, arrowstyle="-")
 drawing("kim2014", "Fig 12")(lambda *, ax: seen_strokes([5])[5].plot(ax=ax))
 
 
