@@ -266,8 +266,8 @@ class Prediction:
                     capsize=4,
                     markersize=5,
                 )
-                words = f"end of life: stroke {crossing.estimate:.0f} "
-                ax.text(crossing.estimate, limit, words, color="C2", ha="right", va="bottom")
+                words = f"\n end of life:\n stroke {crossing.estimate:.0f}"
+                ax.text(crossing.estimate, limit, words, color="C2", va="top")
         else:
             ax.plot([], [], " ", label="no trend")
         if trend.logarithmic:

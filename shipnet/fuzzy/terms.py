@@ -326,7 +326,7 @@ class Variable:
             ax.axvline(limit, **style.PAPER, linewidth=1, zorder=0.5, label=label)  # type: ignore[arg-type]
             label = "_again"
         # Narrow terms are too close together for labels beside the curves.
-        ax.legend(loc="best", handlelength=1.2, labelspacing=0.2)
+        style.legend(ax, 2, handlelength=1.5, labelspacing=0.2)
         ax.set_xlim(self.low, self.high)
         ax.set_ylim(-0.05, 1.05)
         ax.set_yticks([0, 0.5, 1])

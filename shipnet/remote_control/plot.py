@@ -54,7 +54,7 @@ def plot_ring(ring: Any, ax: Axes | None) -> Axes:
             1,
             middle - 180 / size,
             middle + 180 / size,
-            width=0.25,
+            width=0.3,
             facecolor="white" if not full else _RED if overrun else "C0",
             alpha=0.45 if full else 1,
             edgecolor="0.4",
@@ -63,8 +63,8 @@ def plot_ring(ring: Any, ax: Axes | None) -> Axes:
         )
         ax.add_patch(wedge)
         if size <= 32 and cell < ring.written:
-            ax.text(*at(0.875, cell), f"{byte:02X}", ha="center", va="center")
-    pointers = (("no", state.no, 1.38, 1.02), ("get_no", state.get_no, 0.15, 0.74))
+            ax.text(*at(0.85, cell), f"{byte:02X}", ha="center", va="center")
+    pointers = (("no", state.no, 1.38, 1.02), ("get_no", state.get_no, 0.15, 0.69))
     for name, cell, radius, tip in pointers:
         arrow = {"arrowstyle": "->", "color": "0.2"}
         ax.annotate(
@@ -178,11 +178,11 @@ def plot_time_chart(run: Any, ax: Axes | None, start: float, stop: float) -> Axe
     for time, station, partner in alarms[["time_s", "station", "partner"]].itertuples(index=False):
         y = row[station] - 0.45
         ax.plot(time, y, marker="v", color=_RED, linestyle="none")
-        ax.annotate(partner, (time, y), (5, 0), textcoords="offset points", color=_RED, va="center")
+        ax.text(time, y, f"{partner}  ", color=_RED, ha="right", va="center")
     ax.set(xlim=(start, min(stop, run.until)), ylim=(2.5, -0.75), xlabel="time [s]")
     ax.set_yticks(list(row.values()), list(row))
     ax.grid(visible=False, axis="y")
-    handles = [
+    handles: list[Any] = [
         Patch(facecolor=style.FIELD[field], edgecolor="0.3", label=f"to {name}")
         for name, field in _TARGETS.items()
     ]
@@ -199,12 +199,11 @@ def plot_margins(table: pd.DataFrame, ax: Axes | None, limit: float) -> Axes:
     """Draw the time for which a healthy slave's counters run, over the bit rate."""
     ax = style.axes(ax)
     labels = {"counted_s": "counters run", "idle_s": "nothing heard", "packet_s": "one packet"}
-    last = table.iloc[-1]
+    last = table.sort_values("bit_rate").iloc[-1]
     for number, (column, label) in enumerate(labels.items()):
         colour = f"C{number}"
         ax.plot(table["bit_rate"], table[column], marker=".", color=colour)
-        beside: Any = {"xytext": (6, 0), "textcoords": "offset points", "va": "center"}
-        ax.annotate(label, (last["bit_rate"], last[column]), color=colour, **beside)
+        ax.text(last["bit_rate"], last[column], f"  {label}", color=colour, va="center")
     ax.axhline(limit, **_LIMIT)
     ax.annotate(
         f"failure after {limit:g} s",
@@ -255,17 +254,13 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
     """Draw the fraction of packets accepted with errors, by check, at the first bit error rate."""
     shown = table[table["bit_error_rate"] == table["bit_error_rate"].iloc[0]]
     ax = style.axes(ax)
-
-    def below(colour: str) -> dict[str, Any]:
-        look = {"xytext": (0, -5), "textcoords": "offset points", "ha": "right", "va": "top"}
-        return look | {"color": colour}
-
+    place: dict[str, Any] = {"x": shown["n_items"].max(), "ha": "right", "va": "top"}
     for number, (check, rows) in enumerate(shown.groupby("check", sort=False)):
         colour = f"C{number}"
         # For the byte-stuffed packet, the estimate is usually too high: `CobsFormat._undetected`.
         label = f"{check}, upper estimate" if check == "CRC" else check
         ax.plot(rows["n_items"], rows["expected"], color=colour)
-        ax.annotate(label, (rows["n_items"].iloc[-1], rows["expected"].iloc[-1]), **below(colour))
+        ax.text(y=0.15 * rows["expected"].iloc[-1], s=label, color=colour, **place)
         some = rows[rows["undetected"] > 0]
         share = some["undetected"] / some["sent"]
         ax.errorbar(
@@ -283,6 +278,6 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
     if len(none):
         bound = none.max()
         ax.axhline(bound, color="0.5", linestyle=":")
-        ax.annotate("upper bound if none counted", (shown["n_items"].max(), bound), **below("0.3"))
+        ax.text(y=0.6 * bound, s="upper bound if none counted", color="0.3", **place)
     style.legend(ax)
     return ax

@@ -63,8 +63,7 @@ def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:
         colour, hidden = f"C{row}", "_" if row else ""
         ax.plot(rate, table["longest_s"], "v", color=colour, label=f"{hidden}longest")
         ax.plot(rate, table["mean_s"], "o", mfc="white", color=colour, label=f"{hidden}mean")
-        above: Any = {"xytext": (8, 8), "textcoords": "offset points", "color": colour}
-        ax.annotate(name, (rate[2], table["longest_s"].iloc[2]), **above)
+        ax.text(1.1 * rate[2], 1.3 * table["longest_s"].iloc[2], name, color=colour)
     ax.plot(rate, table["bound_s"], color=colour, label="upper bound")
     ax.set(xscale="log", yscale="log", xlabel="bit rate [bit/s]", ylabel="delay [s]")
     ax.set_xticks(rate, [f"{one:g}" for one in rate])
@@ -118,4 +117,6 @@ def plot_recovered(table: pd.DataFrame, *, axes: Sequence[Axes]) -> None:
         style.moment(ax, SIZE, "ring full")
         style.moment(ax, 2 * SIZE, "looks empty")
         ax.set(ylabel=f"{name} ring\n[packets found]", xlim=(0, waiting.iloc[-1]), ylim=(-0.3, 8))
+    axes[0].text(185, 6, "received ", color="0.4", ha="right")
+    axes[1].text(134, 3.3, "mean, range", color="C0")
     axes[1].set_xlabel("bytes received before the reader looks [byte]")

@@ -164,12 +164,12 @@ def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
 
 def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axes:
     """Draw the age of the oldest position on the screen."""
-    rows = panels(ax, len(pictures), sharex=True)
+    rows, red = panels(ax, len(pictures), sharex=True), style.LIMIT["color"]
     for row, (name, picture) in zip(rows, pictures.items(), strict=True):
         time = np.arange(0.0, picture.seen.duration, 0.1)
         oldest = picture.seen.ages(time).max(axis=1)
         row.plot(time, np.where(np.isfinite(oldest), oldest, np.nan), label=name)
-        row.axvline(start, **style.LIMIT)
+        row.axvline(start, color=red, linestyle="--")
         row.set_title(name, loc="left")
         row.set(xlim=(0, time[-1]), ylim=(0, time[-1]))
     style.moment(rows[0], start, "the loop breaks")
