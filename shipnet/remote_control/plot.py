@@ -25,7 +25,7 @@ _CASES = {
 }
 
 #: For each receiving station, the field in `style.FIELD` whose colour its packets get.
-_TARGETS = {"RCS": "control", "BCS": "address", "SS": "information"}
+_TARGETS = {"RCS": "pause", "BCS": "address", "SS": "information"}
 
 #: Largest number of packets in one figure.
 _MOST_PACKETS = 500
@@ -97,16 +97,7 @@ def plot_cases(shown: npt.NDArray[np.str_], ax: Axes | None) -> Axes:
             if row.size:
                 ax.text(start + column.mean(), row.mean(), letter, ha="center", va="center")
     ax.axvline(size, **_LIMIT)
-    ax.annotate(
-        "ring full",
-        (size, 0.5),
-        (-3, 0),
-        xycoords=("data", "axes fraction"),
-        textcoords="offset points",
-        ha="right",
-        va="center",
-        color=_RED,
-    )
+    ax.text(size, size / 2, "ring full ", color=_RED, ha="right", va="center")
     ax.set(xlabel="unread bytes [byte]", ylabel="get_no [index]")
     handles = [Patch(facecolor=colour, label=label) for label, colour in _CASES.values()]
     style.legend(ax, 2, handles=handles)
@@ -126,17 +117,10 @@ def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
     edges = [0, *(np.flatnonzero(np.array(letters[1:]) != np.array(letters[:-1])) + 1), leads.size]
     for start, end in pairwise(edges):
         abnormal = letters[start] in ("a", "c")
-        ax.axvspan(start, end, color="#f7d9d5" if abnormal else "#dceaf5", zorder=0)
+        ax.axvspan(start, end, color="#f0bdb5" if abnormal else "#dceaf5", zorder=0)
         ax.text((start + end) / 2, leads.size * 1.1, letters[start], ha="center")
     ax.axvline(size, **_LIMIT)
-    ax.annotate(
-        "ring full",
-        (size, 0.8),
-        (4, 0),
-        xycoords=("data", "axes fraction"),
-        textcoords="offset points",
-        color=_RED,
-    )
+    ax.text(size, 0.9 * leads.size, " ring full", color=_RED)
     ax.set(xlabel="bytes unread [byte]", ylabel="true and shown [byte]")
     ax.set(xlim=(0, leads.size), ylim=(0, 1.2 * leads.size))
     ax.grid(visible=False)
@@ -204,16 +188,7 @@ def plot_margins(table: pd.DataFrame, ax: Axes | None, limit: float) -> Axes:
         colour = f"C{number}"
         ax.plot(table["bit_rate"], table[column], marker=".", color=colour)
         ax.text(last["bit_rate"], last[column], f"  {label}", color=colour, va="center")
-    ax.axhline(limit, **_LIMIT)
-    ax.annotate(
-        f"failure after {limit:g} s",
-        (1, limit),
-        (-4, 3),
-        xycoords=("axes fraction", "data"),
-        textcoords="offset points",
-        ha="right",
-        color=_RED,
-    )
+    style.limit(ax, limit, f"failure after\n{limit:g} s")
     ax.set(xscale="log", yscale="log", xlabel="bit rate [bit/s]", ylabel="time [s]")
     ax.yaxis.set_major_formatter("{x:g}")
     ax.set_xticks(table["bit_rate"].tolist(), [f"{rate:g}" for rate in table["bit_rate"]])
