@@ -118,7 +118,8 @@ def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
     for start, end in pairwise(edges):
         abnormal = letters[start] in ("a", "c")
         ax.axvspan(start, end, color="#f0bdb5" if abnormal else "#dceaf5", zorder=0)
-        ax.text((start + end) / 2, leads.size * 1.1, letters[start], ha="center")
+        case = letters[start] if start else f"case {letters[start]}"
+        ax.text((start + end) / 2, leads.size * 1.1, case, ha="center")
     ax.axvline(size, **_LIMIT)
     ax.text(size, 0.9 * leads.size, " ring full", color=_RED)
     ax.set(xlabel="bytes unread [byte]", ylabel="true and shown [byte]")
