@@ -43,7 +43,7 @@ def _hydraulics(*, n_valves: int = 3, ax: Axes) -> Axes:
             ax.fill(*edges, facecolor=FILL["green"], edgecolor="0.2", lw=1)
         ax.plot([x, x], [low, low + 0.35], color="0.2", lw=1)
         width, bottom, height = (0.5, 0.2, 0.3) if number < n_valves else (1.5, 0.35, 0.65)
-        text = "" if number < n_valves else "motor, pump\ncontroller"
+        text = "" if number < n_valves else "pump and\ncontroller"
         box(ax, (x - width / 2, low + bottom), width, height, FILL["amber"], text)
         ax.text(x, low - 0.32, f"valve {number % n_valves + 1}", ha="center", va="top")
     pipe: dict[str, Any] = {"color": "#b8860b", "lw": 1.6, "zorder": 0, "label": "_pipe"}
