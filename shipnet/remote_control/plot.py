@@ -112,18 +112,17 @@ def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
     leads = np.arange(len(letters))
     ax.plot(leads, leads, color="0.4", linewidth=1)
     ax.plot(leads, leads % (2 * size), color="C0")
-    ax.text(leads[-1], leads[-1], "truly unread ", color="0.3", ha="right", va="bottom")
+    ax.text(leads[-1], 0.78 * leads[-1], "truly unread ", color="0.3", ha="right", va="top")
     ax.text(leads[-1], leads[-1] % (2 * size), "shown ", color="C0", ha="right", va="bottom")
     edges = [0, *(np.flatnonzero(np.array(letters[1:]) != np.array(letters[:-1])) + 1), leads.size]
     for start, end in pairwise(edges):
         abnormal = letters[start] in ("a", "c")
         ax.axvspan(start, end, color="#f0bdb5" if abnormal else "#dceaf5", zorder=0)
-        case = letters[start] if start else f"case {letters[start]}"
-        ax.text((start + end) / 2, leads.size * 1.1, case, ha="center")
+        ax.text((start + end) / 2, leads.size * 1.05, f"case\n{letters[start]}", ha="center")
     ax.axvline(size, **_LIMIT)
     ax.text(size, 0.9 * leads.size, " ring full", color=_RED)
     ax.set(xlabel="bytes unread [byte]", ylabel="true and shown [byte]")
-    ax.set(xlim=(0, leads.size), ylim=(0, 1.2 * leads.size))
+    ax.set(xlim=(0, leads.size), ylim=(0, 1.22 * leads.size))
     ax.grid(visible=False)
     return ax
 
