@@ -393,6 +393,7 @@ class Diagnosis:
         ax.invert_yaxis()
         ax.axvline(self.threshold, color="0.3", linestyle=":", linewidth=1)
         ax.set(xlim=(0, 1.02), xlabel="greatest firing strength")
+        ax.set_xticks([0, self.threshold, 1], ["0", f"{self.threshold:g}\nalarm threshold", "1"])
         (codes,) = base.active_codes(active[np.newaxis])
         others = f", also {', '.join(codes.split()[1:])}" if " " in codes else ""
         top = self._overall[valve - 1]

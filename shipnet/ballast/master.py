@@ -40,10 +40,10 @@ STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open"
 
 #: Colour of each state on the screen, in the order of the legend.
 STATE_COLOURS = {
-    "open": "C2",
+    "open": "#004d38",
     "closed": "C0",
-    "part open": "C9",
-    "moving": "C1",
+    "part open": "C2",
+    "moving": "C4",
     "fault": style.LIMIT["color"],
     "silent": "0.35",
     "not seen": "0.8",

@@ -536,7 +536,7 @@ class FleetReport:
                 label="_" if row else "valve is moved",
             )
         red = style.LIMIT["color"]
-        ax.hlines(rows, start / hour, until / hour, color=red, linewidth=3, label="unknown")
+        ax.hlines(rows, start / hour, until / hour, color=red, linewidth=3, label="not reported")
         ax.plot(start / hour, rows, "o", color=red, markersize=5, label="fault appears")
         reported = faults["detection_time_s"].notna().to_numpy()
         ax.plot(
@@ -545,7 +545,7 @@ class FleetReport:
         ax.set_yticks(rows, names)
         ax.invert_yaxis()
         ax.set(xlabel="time [h]", xlim=(0, self.duration / hour))
-        ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4)
+        style.legend(ax, 2)
         return ax
 
 

@@ -232,7 +232,9 @@ class Prediction:
             self.predictor, slice(0, self.at), self.valve - 1
         )
         ax.plot(strokes, values, ".", color="C0", markersize=3, label="readings")
-        ax.axhline(limit, **style.LIMIT, linewidth=1, label="limit")  # type: ignore[arg-type]
+        red, side = style.LIMIT["color"], ax.get_yaxis_transform()
+        ax.axhline(limit, **style.LIMIT, linewidth=1)  # type: ignore[arg-type]
+        ax.text(0.01, limit, "limit", transform=side, color=red, va="bottom")
         if trend.found:
             crossing, last = trend.crossing(limit), self.at - 1
             # The axis is not extended to a crossing in the past or far in the future.
@@ -263,13 +265,14 @@ class Prediction:
                     color="C2",
                     capsize=4,
                     markersize=5,
-                    label="end of life",
                 )
+                words = f"\n end of life:\n stroke {crossing.estimate:.0f}"
+                ax.text(crossing.estimate, limit, words, color="C2", va="top")
         else:
             ax.plot([], [], " ", label="no trend")
         if trend.logarithmic:
             ax.set_yscale("log")
-        style.legend(ax, 5)
+        style.legend(ax)
         ax.set(xlabel="stroke", ylabel=label)
         return ax
 

@@ -292,7 +292,7 @@ class RuleBase:
         share = np.divide(count, alone, out=np.zeros_like(count), where=alone > 0)
 
         def written(row: int, column: int, value: float) -> str:
-            return "" if row == column else "in" if value == 1 else f"{100 * value:.0f}"
+            return "" if row == column else "all" if value == 1 else f"{100 * value:.0f}"
 
         draw_matrix(ax, share, written)
         ax.set_xticks(range(len(self.codes)), self.codes)

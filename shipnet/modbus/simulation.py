@@ -267,7 +267,7 @@ class Run:
                     ax.annotate(f" {words}", (at, 1.75), color=red, va="center")
         ax.set_yticks([1.3, 0.3], labels=["port A", "port B"])
         ax.set(xlabel="time [s]", xlim=(0, self.until), ylim=(-0.2, 1.95))
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
+        style.legend(ax)
         return ax
 
 

@@ -19,13 +19,13 @@ from shipnet.lazy import pd
 #: The flags and places that define each case, and its colour: pale if normal, strong if abnormal.
 _CASES = {
     "b": ("b: same flags, no >= get_no", "#cfe3f3"),
-    "d": ("d: flags differ, no < get_no", "#9cc4e4"),
-    "c": ("c: flags differ, no >= get_no", "#f2b27a"),
+    "d": ("d: flags differ, no < get_no", "#a9cbe6"),
+    "c": ("c: flags differ, no >= get_no", "#e8924a"),
     "a": ("a: same flags, no < get_no", "#c44e52"),
 }
 
 #: For each receiving station, the field in `style.FIELD` whose colour its packets get.
-_TARGETS = {"RCS": "control", "BCS": "address", "SS": "information"}
+_TARGETS = {"RCS": "pause", "BCS": "address", "SS": "information"}
 
 #: Largest number of packets in one figure.
 _MOST_PACKETS = 500
@@ -54,7 +54,7 @@ def plot_ring(ring: Any, ax: Axes | None) -> Axes:
             1,
             middle - 180 / size,
             middle + 180 / size,
-            width=0.25,
+            width=0.3,
             facecolor="white" if not full else _RED if overrun else "C0",
             alpha=0.45 if full else 1,
             edgecolor="0.4",
@@ -63,19 +63,19 @@ def plot_ring(ring: Any, ax: Axes | None) -> Axes:
         )
         ax.add_patch(wedge)
         if size <= 32 and cell < ring.written:
-            ax.text(*at(0.875, cell), f"{byte:02X}", ha="center", va="center")
-    pointers = (("no", state.no, 1.38, 1.02), ("get_no", state.get_no, 0.15, 0.74))
+            ax.text(*at(0.85, cell), f"{byte:02X}", ha="center", va="center")
+    pointers = (("no", state.no, 1.38, 1.02), ("get_no", state.get_no, 0.15, 0.69))
     for name, cell, radius, tip in pointers:
         arrow = {"arrowstyle": "->", "color": "0.2"}
         ax.annotate(
             name, at(tip, cell), at(radius, cell), ha="center", va="center", arrowprops=arrow
         )
     text = (
-        f"ring_f = {state.ring_f}, ring_get_f = {state.ring_get_f}\n"
+        f"ring_f = {state.ring_f}\nring_get_f = {state.ring_get_f}\n"
         f"case {ring.case}, {ring.unread} unread"
     )
-    ax.text(0, -1.55, text, ha="center", va="top")
-    ax.set(xlim=(-1.6, 1.6), ylim=(-2.1, 1.5), aspect="equal")
+    ax.text(0, -1.5, text, ha="center", va="top")
+    ax.set(xlim=(-1.5, 1.5), ylim=(-1.5, 1.5), aspect="equal")
     ax.set_axis_off()
     return ax
 
@@ -92,20 +92,12 @@ def plot_cases(shown: npt.NDArray[np.str_], ax: Axes | None) -> Axes:
         order, cmap=colours, norm=norm, origin="lower", aspect="auto", interpolation="nearest"
     )
     for number, letter in enumerate(_CASES):
-        row, column = np.nonzero(order[:, : 2 * size] == number)
-        if row.size:
-            ax.text(column.mean(), row.mean(), letter)
+        for start in range(0, order.shape[1], 2 * size):
+            row, column = np.nonzero(order[:, start : start + 2 * size] == number)
+            if row.size:
+                ax.text(start + column.mean(), row.mean(), letter, ha="center", va="center")
     ax.axvline(size, **_LIMIT)
-    ax.annotate(
-        "ring full",
-        (size, 0.5),
-        (-3, 0),
-        xycoords=("data", "axes fraction"),
-        textcoords="offset points",
-        ha="right",
-        va="center",
-        color=_RED,
-    )
+    ax.text(size, size / 2, "ring full ", color=_RED, ha="right", va="center")
     ax.set(xlabel="unread bytes [byte]", ylabel="get_no [index]")
     handles = [Patch(facecolor=colour, label=label) for label, colour in _CASES.values()]
     style.legend(ax, 2, handles=handles)
@@ -118,26 +110,20 @@ def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
     """Draw the number of bytes that the four variables show as unread, over the true number."""
     ax = style.axes(ax)
     leads = np.arange(len(letters))
-    ax.plot(leads, leads, color="0.5", linewidth=1, label="truly unread")
-    ax.plot(leads, leads % (2 * size), color="C0", label="what the variables show")
+    ax.plot(leads, leads, color="0.4", linewidth=1)
+    ax.plot(leads, leads % (2 * size), color="C0")
+    ax.text(leads[-1], 0.78 * leads[-1], "truly unread ", color="0.3", ha="right", va="top")
+    ax.text(leads[-1], leads[-1] % (2 * size), "shown ", color="C0", ha="right", va="bottom")
     edges = [0, *(np.flatnonzero(np.array(letters[1:]) != np.array(letters[:-1])) + 1), leads.size]
     for start, end in pairwise(edges):
         abnormal = letters[start] in ("a", "c")
-        ax.axvspan(start, end, color="#f7d9d5" if abnormal else "#dceaf5", zorder=0)
-        ax.text((start + end) / 2, leads.size * 0.93, letters[start], ha="center")
+        ax.axvspan(start, end, color="#f0bdb5" if abnormal else "#dceaf5", zorder=0)
+        ax.text((start + end) / 2, leads.size * 1.05, f"case\n{letters[start]}", ha="center")
     ax.axvline(size, **_LIMIT)
-    ax.annotate(
-        "ring full",
-        (size, 0.8),
-        (4, 0),
-        xycoords=("data", "axes fraction"),
-        textcoords="offset points",
-        color=_RED,
-    )
+    ax.text(size, 0.9 * leads.size, " ring full", color=_RED)
     ax.set(xlabel="bytes unread [byte]", ylabel="true and shown [byte]")
-    ax.set(xlim=(0, leads.size), ylim=(0, leads.size))
+    ax.set(xlim=(0, leads.size), ylim=(0, 1.22 * leads.size))
     ax.grid(visible=False)
-    style.legend(ax)
     return ax
 
 
@@ -155,9 +141,9 @@ def plot_time_chart(run: Any, ax: Axes | None, start: float, stop: float) -> Axe
     lost = [packet.outcome == "lost" and packet.end <= run.until for packet in shown]
     for packet, is_lost in zip(shown, lost, strict=True):
         block = Rectangle(
-            (packet.start, row[packet.source] - 0.3),
+            (packet.start, row[packet.source] - 0.25),
             packet.end - packet.start,
-            0.6,
+            0.5,
             facecolor=style.FIELD[_TARGETS[packet.target]],
             edgecolor="0.3",
             linewidth=0.5,
@@ -165,7 +151,7 @@ def plot_time_chart(run: Any, ax: Axes | None, start: float, stop: float) -> Axe
         )
         ax.add_patch(block)
         if packet.outcome != "lost":
-            side = 0.3 if row[packet.target] > row[packet.source] else -0.3
+            side = 0.25 if row[packet.target] > row[packet.source] else -0.25
             ax.annotate(
                 "",
                 (packet.read, row[packet.target] - side),
@@ -174,26 +160,21 @@ def plot_time_chart(run: Any, ax: Axes | None, start: float, stop: float) -> Axe
             )
     alarms = run.alarms().query("@start <= time_s <= @stop")
     for time, station, partner in alarms[["time_s", "station", "partner"]].itertuples(index=False):
-        y = row[station] - 0.4
+        y = row[station] - 0.45
         ax.plot(time, y, marker="v", color=_RED, linestyle="none")
-        ax.annotate(
-            f"{partner} failed",
-            (time, y),
-            (3, 3),
-            textcoords="offset points",
-            color=_RED,
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
-        )
+        ax.text(time, y, f"{partner}  ", color=_RED, ha="right", va="center")
     ax.set(xlim=(start, min(stop, run.until)), ylim=(2.5, -0.75), xlabel="time [s]")
     ax.set_yticks(list(row.values()), list(row))
     ax.grid(visible=False, axis="y")
-    handles = [
+    handles: list[Any] = [
         Patch(facecolor=style.FIELD[field], edgecolor="0.3", label=f"to {name}")
         for name, field in _TARGETS.items()
     ]
     if any(lost):
         handles.append(Patch(facecolor="white", edgecolor="0.3", hatch="////", label="lost"))
-    style.legend(ax, handles=handles)
+    if len(alarms):
+        handles += ax.plot([], [], "v", color=_RED, label="partner failed")
+    style.legend(ax, 5, handles=handles)
     return ax
 
 
@@ -202,23 +183,16 @@ def plot_margins(table: pd.DataFrame, ax: Axes | None, limit: float) -> Axes:
     """Draw the time for which a healthy slave's counters run, over the bit rate."""
     ax = style.axes(ax)
     labels = {"counted_s": "counters run", "idle_s": "nothing heard", "packet_s": "one packet"}
-    for column, label in labels.items():
-        ax.plot(table["bit_rate"], table[column], marker=".", label=label)
-    ax.axhline(limit, **_LIMIT)
-    ax.annotate(
-        f"failure after {limit:g} s",
-        (1, limit),
-        (-4, 3),
-        xycoords=("axes fraction", "data"),
-        textcoords="offset points",
-        ha="right",
-        color=_RED,
-    )
+    last = table.sort_values("bit_rate").iloc[-1]
+    for number, (column, label) in enumerate(labels.items()):
+        colour = f"C{number}"
+        ax.plot(table["bit_rate"], table[column], marker=".", color=colour)
+        ax.text(last["bit_rate"], last[column], f"  {label}", color=colour, va="center")
+    style.limit(ax, limit, f"failure after\n{limit:g} s")
     ax.set(xscale="log", yscale="log", xlabel="bit rate [bit/s]", ylabel="time [s]")
     ax.yaxis.set_major_formatter("{x:g}")
     ax.set_xticks(table["bit_rate"].tolist(), [f"{rate:g}" for rate in table["bit_rate"]])
     ax.minorticks_off()
-    style.legend(ax)
     return ax
 
 
@@ -255,11 +229,13 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
     """Draw the fraction of packets accepted with errors, by check, at the first bit error rate."""
     shown = table[table["bit_error_rate"] == table["bit_error_rate"].iloc[0]]
     ax = style.axes(ax)
+    place: dict[str, Any] = {"x": shown["n_items"].max(), "ha": "right", "va": "top"}
     for number, (check, rows) in enumerate(shown.groupby("check", sort=False)):
         colour = f"C{number}"
         # For the byte-stuffed packet, the estimate is usually too high: `CobsFormat._undetected`.
         label = f"{check}, upper estimate" if check == "CRC" else check
-        ax.plot(rows["n_items"], rows["expected"], color=colour, label=label)
+        ax.plot(rows["n_items"], rows["expected"], color=colour)
+        ax.text(y=0.15 * rows["expected"].iloc[-1], s=label, color=colour, **place)
         some = rows[rows["undetected"] > 0]
         share = some["undetected"] / some["sent"]
         ax.errorbar(
@@ -272,10 +248,11 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
             capsize=3,
         )
     ax.set(yscale="log", xlabel="items per packet", ylabel="fraction accepted with errors")
-    ax.plot([], [], "o", color="0.4", label="counted, 95 % bounds")
+    ax.plot([], [], "o", color="0.4", label="counted, with 95 % bounds")
     none = shown.loc[shown["undetected"] == 0, "high"]
     if len(none):
         bound = none.max()
-        ax.axhline(bound, color="0.5", linestyle=":", label="upper bound if none counted")
-    style.legend(ax, 3)
+        ax.axhline(bound, color="0.5", linestyle=":")
+        ax.text(y=0.6 * bound, s="upper bound if none counted", color="0.3", **place)
+    style.legend(ax)
     return ax

@@ -19,7 +19,9 @@ from shipnet.remote_control.ring_buffer import Ring
 from shipnet.remote_control.simulation import Run, simulate
 
 # The stations follow the text of section 2, the flow charts that of sections 4 to 4.3.
-diagrams("chung1998", "Fig 1", "Fig 5", "Fig 6", "Fig 7", "Fig 8(a)", "Fig 8(b)")
+diagrams("chung1998", "Fig 1", "Fig 6", "Fig 8(b)", height=3.8)
+diagrams("chung1998", "Fig 5", "Fig 8(a)")
+diagrams("chung1998", "Fig 7", height=2.4)
 # We assume that each packet takes 10 ms to process.
 drawing("chung1998", "Fig 2")(
     lambda *, ax: simulate(as_printed(processing=10e-3), until=0.4).plot(ax=ax)
@@ -29,24 +31,25 @@ drawing("chung1998", "Fig 3", figsize=(4, 3.6))(
 )
 
 
-@drawing("chung1998", "Fig 4", figsize=(8, 2.4))
+@drawing("chung1998", "Fig 4", figsize=(6.4, 2.6))
 def _packets(*, items: Mapping[int, int] | None = None, ax: Axes) -> Axes:
     """Draw the bytes of the same data in the three readings of the packet."""
-    sent = items or {0: 1, 3: 120, 4: 0x1234}
-    flag, item = ["flag"], ["item", "low", "high"]
+    sent = items or {3: 120, 4: 0x1234}
+    start, data, item, end = ["start"], ["data"], ["item", "low", "high"], ["end"]
     a, b = (MarkerFormat(reading).encode(sent) for reading in ("A", "B"))
     c = b"".join(MarkerFormat("A").encode({number: sent[number]}) for number in sent)
     rows = {
-        "reading A": (a, flag + flag + len(sent) * item + flag),
-        "reading B": (b, flag + len(sent) * (flag + item) + flag),
-        "reading C": (c, len(sent) * (flag + flag + item + flag)),
+        "reading A": (a, start + data + len(sent) * item + end),
+        "reading B": (b, start + len(sent) * (data + item) + end),
+        "reading C": (c, len(sent) * (start + data + item + end)),
     }
-    kinds = {"flag": "control", "item": "address", "low": "information", "high": "parity"}
+    kinds = {"item": "address", "low": "information", "high": "parity"}
     return fields(
         ax,
         {
             reading: [
-                (f"{byte:02X}", kinds[word], word, 1) for byte, word in zip(*row, strict=True)
+                (f"{byte:02X}", kinds.get(word, "control"), word, 1)
+                for byte, word in zip(*row, strict=True)
             ]
             for reading, row in rows.items()
         },
@@ -57,15 +60,16 @@ def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:
     """Draw the delay of a switch against the bit rate."""
     for row, (name, table) in enumerate(tables.items()):
         rate = table["bit_rate"].to_numpy(dtype=float)
-        colour = f"C{row}"
-        ax.plot(rate, table["longest_s"], "v", color=colour, label=f"{name}: longest")
-        ax.plot(rate, table["mean_s"], "o", mfc="white", color=colour, label=f"{name}: mean")
-    ax.plot(rate, table["bound_s"], color=colour, label="bound, all data")
+        colour, hidden = f"C{row}", "_" if row else ""
+        ax.plot(rate, table["longest_s"], "v", color=colour, label=f"{hidden}longest")
+        ax.plot(rate, table["mean_s"], "o", mfc="white", color=colour, label=f"{hidden}mean")
+        ax.text(1.1 * rate[2], 1.3 * table["longest_s"].iloc[2], name, color=colour)
+    ax.plot(rate, table["bound_s"], color=colour, label="upper bound")
     ax.set(xscale="log", yscale="log", xlabel="bit rate [bit/s]", ylabel="delay [s]")
     ax.set_xticks(rate, [f"{one:g}" for one in rate])
     ax.set_xticks([], minor=True)
     ax.yaxis.set_major_formatter("{x:g}")
-    ax.legend(loc="center left", bbox_to_anchor=(1, 0.5))
+    style.legend(ax)
     return ax
 
 
@@ -90,15 +94,16 @@ def _given_up(*, ax: Axes, items: int = 10) -> Axes:
     """Draw how many bytes the repair of Fig 9 discards, against the writer's place."""
     places = np.arange(SIZE)
     lost = np.reshape(given_up(items), (SIZE, -1))
-    band: Any = {"color": "#f5c56b", "alpha": 0.6, "label": "with the search for 0xCC"}
+    band: Any = {"color": "#f5c56b", "alpha": 0.6, "linewidth": 0}
     ax.fill_between(places, lost.min(axis=1), lost.max(axis=1), **band)
-    ax.plot(places, SIZE // 2 - places % (SIZE // 2), color="C0", label="half ring, closed form")
-    simulated: Any = {"markersize": 3, "color": "C0", "label": "half ring, simulated"}
-    ax.plot(places[::4], given_up()[::4], "o", **simulated)
-    ax.axhline(0, color="C2", label="corrected ring")
+    ax.plot(places, SIZE // 2 - places % (SIZE // 2), color="C0")
+    ax.plot(places[::4], given_up()[::4], "o", markersize=3, color="C0")
+    ax.axhline(0, color="C2")
+    ax.text(20, 80, "with the search for 0xCC", color="#8a6100")
+    ax.text(2, 14, "half-ring rule\n(dots: simulated)", color="C0")
+    ax.text(66, 4, "corrected ring: 0", color="C2")
     ax.set(xlabel="no [index]", ylabel="discarded bytes [byte]", xlim=(0, SIZE - 1))
     ax.set_xticks([0, 32, 64, 96, 127])
-    ax.legend(loc="center left", bbox_to_anchor=(1, 0.5))
     return ax
 
 
@@ -112,4 +117,6 @@ def plot_recovered(table: pd.DataFrame, *, axes: Sequence[Axes]) -> None:
         style.moment(ax, SIZE, "ring full")
         style.moment(ax, 2 * SIZE, "looks empty")
         ax.set(ylabel=f"{name} ring\n[packets found]", xlim=(0, waiting.iloc[-1]), ylim=(-0.3, 8))
+    axes[0].text(185, 6, "received ", color="0.4", ha="right")
+    axes[1].text(134, 3.3, "mean, range", color="C0")
     axes[1].set_xlabel("bytes received before the reader looks [byte]")

@@ -28,13 +28,13 @@ __all__ = ["plot_ages", "plot_control_system", "plot_seen_strokes"]
 _QUERY = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 _LINE = SerialLine(9600)
 
-diagrams("kim2014", "Fig 2", "Fig 7", "Fig 9", "Fig 10")
-diagrams("kim2014", "Fig 15", arrowstyle="-")
+diagrams("kim2014", "Fig 2", "Fig 7", "Fig 9", "Fig 10", height=2.6)
+diagrams("kim2014", "Fig 15", height=2.8, arrowstyle="-")
 drawing("kim2014", "Fig 12")(lambda *, ax: seen_strokes([5])[5].plot(ax=ax))
 
 
-@drawing("kim2014", "Fig 1", figsize=(8.6, 3.4))
-def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
+@drawing("kim2014", "Fig 1", figsize=(6.4, 3))
+def _hydraulics(*, n_valves: int = 3, ax: Axes) -> Axes:
     """Draw central hydraulics piped to every valve and, next to it, valves with their own pumps."""
     places, low, aside = np.linspace(-0.8, 2.8, n_valves), 0.35, 5.2
     for number, x in enumerate([*places, *(places + aside)]):
@@ -42,8 +42,8 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
             edges = [x, tip, tip], [low, low - 0.2, low + 0.2]
             ax.fill(*edges, facecolor=FILL["green"], edgecolor="0.2", lw=1)
         ax.plot([x, x], [low, low + 0.35], color="0.2", lw=1)
-        width, bottom, height = (0.5, 0.2, 0.3) if number < n_valves else (1.14, 0.35, 0.65)
-        text = "" if number < n_valves else "motor, pump\ncontroller"
+        width, bottom, height = (0.5, 0.2, 0.3) if number < n_valves else (1.5, 0.35, 0.65)
+        text = "" if number < n_valves else "pump and\ncontroller"
         box(ax, (x - width / 2, low + bottom), width, height, FILL["amber"], text)
         ax.text(x, low - 0.32, f"valve {number % n_valves + 1}", ha="center", va="top")
     pipe: dict[str, Any] = {"color": "#b8860b", "lw": 1.6, "zorder": 0, "label": "_pipe"}
@@ -62,21 +62,21 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
     ax.plot(across, [3, 3, 1.5, 1.5, 3, 3], color="C0", lw=1.2)
     ax.plot([beside[0] + 0.1, beside[-1] + 0.1], [1.65, 1.65], color="C1", lw=1.2)
     ax.plot([middle, middle], [1.65, 1.82], color="C1", lw=1.2)
-    ax.text(left + 0.08, 2.55, "closed loop\nof Modbus", color="C0")
+    ax.text(left + 0.08, 2.55, "Modbus\nloop", color="C0")
     diagram("kim2014", "Fig 1", ax=ax)
     ax.text(-1.4, 3.6, "central: pipes to every valve")
     ax.text(left, 3.6, "distributed: a pump in every valve")
-    return style.bare(ax, (-1.4, 3.5 + aside), (-0.25, 3.8))
+    return style.bare(ax, (-1.4, 3.6 + aside), (-0.25, 3.8))
 
 
-@drawing("kim2014", "Fig 3", "Fig 4", figsize=(8, 2.2))
+@drawing("kim2014", "Fig 3", "Fig 4", figsize=(6.4, 2.2))
 def _rtu_frame(*, frame: bytes = _QUERY.rtu(1), serial: SerialLine = _LINE, ax: Axes) -> Axes:
     """Draw the general RTU frame, and a frame field by field below it."""
     decode(frame)  # a wrong frame is refused
     detail = _parts(
         frame,
-        ("address", "address", 1),
-        ("function\ncode", "control", 2),
+        ("ad-\ndress", "address", 1),
+        ("func-\ntion\ncode", "control", 2),
         ("data", "information", -2),
         ("error check", "parity", len(frame)),
     )
@@ -96,7 +96,7 @@ def _parts(frame: bytes, *parts: tuple[str, str, int]) -> list[tuple[str, str, s
     ]
 
 
-@drawing("kim2014", "Fig 5", "Fig 6", figsize=(8, 2.2))
+@drawing("kim2014", "Fig 5", "Fig 6", figsize=(6.4, 2.2))
 def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
     """Draw a Modbus TCP frame: header and PDU above, and the individual fields below."""
     decode(frame, "tcp")  # a wrong frame is refused
@@ -108,13 +108,13 @@ def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
         ("protocol\nid", "address", 4),
         ("length", "address", 6),
         ("unit\nid", "address", 7),
-        ("function\ncode", "control", 8),
+        ("func-\ntion\ncode", "control", 8),
         ("data", "information", size),
     )
     return fields(ax, {"Fig 5": general, "Fig 6": detail})
 
 
-@drawing("kim2014", "Fig 11", figsize=(8, 4))
+@drawing("kim2014", "Fig 11", figsize=(6.4, 3.8))
 def _screen(*, time: float = 7.2, ax: Axes) -> Axes:
     """Draw the master's screen at a time [s]: 20 of 64 valves open, 4 go to 40 %, 6 is stuck."""
     plan = [Command("open", 3.0, valves=range(1, 21)), Command(40, 5.0, valves=range(31, 35))]
@@ -148,8 +148,6 @@ def _client(*, page: Screen | None = None, ax: Axes, **window: str) -> Axes:
 
 
 _MARKS = ".o^sD"
-#: Dashes of curves that may cover each other.
-_DASHES: Any = ("-", "--", "-.", (0, (1, 2)), (2, (1, 4)))
 
 
 def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
@@ -166,14 +164,17 @@ def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
 
 def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axes:
     """Draw the age of the oldest position on the screen."""
-    for row, (name, picture) in enumerate(pictures.items()):
+    rows, red = panels(ax, len(pictures), sharex=True), style.LIMIT["color"]
+    for row, (name, picture) in zip(rows, pictures.items(), strict=True):
         time = np.arange(0.0, picture.seen.duration, 0.1)
         oldest = picture.seen.ages(time).max(axis=1)
-        age = np.where(np.isfinite(oldest), oldest, np.nan)
-        ax.plot(time, age, color=f"C{row}", linestyle=_DASHES[row % len(_DASHES)], label=name)
-    style.moment(ax, start, "the loop breaks")
-    ax.set(xlabel="time [s]", ylabel="oldest position shown [s]", ylim=(0, None))
-    ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
+        row.plot(time, np.where(np.isfinite(oldest), oldest, np.nan), label=name)
+        row.axvline(start, color=red, linestyle="--")
+        row.set_title(name, loc="left")
+        row.set(xlim=(0, time[-1]), ylim=(0, time[-1]))
+    style.moment(rows[0], start, "the loop breaks")
+    rows[-1].set_xlabel("time [s]")
+    rows[len(rows) // 2].set_ylabel("oldest position shown [s]")
     return ax
 
 
