@@ -23,7 +23,7 @@ from base64 import b64decode, b64encode
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from io import BytesIO
 from multiprocessing import get_context
 from pathlib import Path
@@ -37,7 +37,10 @@ from nbformat import NotebookNode
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parent.parent
-INPUTS = ("shipnet", "data", "requirements.lock", "docs/kernels.py", "docs/notebooks.py")
+INPUTS = ("shipnet", "data", "requirements.lock")
+INPUTS += ("docs/kernels.py", "docs/narrow.py", "docs/notebooks.py")
+#: What a kernel runs first to show narrow forms of figures too; it leaves the notebook no name.
+NARROW = f"__import__('runpy').run_path({str(ROOT / 'docs' / 'narrow.py')!r})"
 DERIVED = {"__pycache__", ".ipynb_checkpoints"}
 METADATA = {
     "kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"},
@@ -117,8 +120,8 @@ def _stream(output: NotebookNode) -> str | None:
     return output.get("name") if output.output_type == "stream" else None
 
 
-def execute(path: Path, tries: int = 3) -> Executed:
-    """Execute one notebook in memory, in its own folder."""
+def execute(path: Path, tries: int = 3, *, narrow: bool = False) -> Executed:
+    """Execute one notebook in memory, in its own folder; with narrow forms of figures if wanted."""
     begin = time.perf_counter()
     started: list[tuple[int, NotebookNode]] = []
     try:
@@ -131,7 +134,7 @@ def execute(path: Path, tries: int = 3) -> Executed:
             record_timing=False,
             resources={"metadata": {"path": str(path.parent)}},
             # Otherwise every kernel warns that TCP is not encrypted, even on the loopback.
-            extra_arguments=["--log-level=ERROR"],
+            extra_arguments=["--log-level=ERROR", *[f"--IPKernelApp.exec_lines={NARROW}"] * narrow],
             on_cell_execute=lambda cell, cell_index: started.append((cell_index, cell)),
         )
         # If another backend is set, no figure reaches the notebook; a progress bar must not.
@@ -140,7 +143,7 @@ def execute(path: Path, tries: int = 3) -> Executed:
     except Exception as error:  # any error is reported for this notebook; the others are still run
         # A port that was free when the client chose it can be in use when the kernel opens it.
         if isinstance(error, RuntimeError) and not started and tries > 1:
-            return execute(path, tries - 1)
+            return execute(path, tries - 1, narrow=narrow)
         lines = []
         if started:
             index, cell = started[-1]
@@ -154,9 +157,9 @@ def execute(path: Path, tries: int = 3) -> Executed:
     return Executed(path, time.perf_counter() - begin, text=stable(notebook))
 
 
-def execute_all(root: Path, paths: list[Path]) -> Iterator[Executed]:
+def execute_all(root: Path, paths: list[Path], *, narrow: bool = False) -> Iterator[Executed]:
     """Execute notebooks on all cores, and print a line as each one finishes."""
-    for count, done in enumerate(_executed(paths), start=1):
+    for count, done in enumerate(_executed(paths, narrow), start=1):
         name = done.path.relative_to(root).as_posix()
         place = f"[{count:{len(str(len(paths)))}}/{len(paths)}]"
         print(f"{place} {done.seconds:5.1f} s  {name}", flush=True)
@@ -166,20 +169,23 @@ def execute_all(root: Path, paths: list[Path]) -> Iterator[Executed]:
         yield done
 
 
-def _executed(paths: list[Path]) -> Iterator[Executed]:
+def _executed(paths: list[Path], narrow: bool) -> Iterator[Executed]:
+    job = partial(execute, narrow=narrow)
     if len(paths) < 2:
-        yield from map(execute, paths)
+        yield from map(job, paths)
         return
     # Spawned workers behave alike on every platform; forked ones would copy pytest's threads.
     workers = min(len(paths), os.cpu_count() or 1)
     spawn = get_context("spawn")
     with ProcessPoolExecutor(workers, spawn, initializer=kernels.fork) as pool:
-        jobs = [pool.submit(execute, path) for path in paths]
+        jobs = [pool.submit(job, path) for path in paths]
         yield from (job.result() for job in as_completed(jobs))
 
 
 def run(root: Path, *, stored: bool = False) -> int:
     """Bring build/notebooks up to date; return the number of notebooks that failed.
+
+    Each figure that is legible on a phone in a narrow form is preceded by that form.
 
     If `stored`, no notebook is executed: the copies have the stored outputs, which the tests check.
     """
@@ -205,7 +211,7 @@ def run(root: Path, *, stored: bool = False) -> int:
             file.unlink()
     print(f"notebooks: {len(kept) // 2}, to execute: {len(marks)}", flush=True)
     failed = 0
-    for done in execute_all(root, list(marks)):
+    for done in execute_all(root, list(marks), narrow=True):
         copy = copies / done.path.relative_to(root / "notebooks")
         mark = copy.with_suffix(".sha256")
         mark.unlink(missing_ok=True)

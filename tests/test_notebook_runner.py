@@ -29,6 +29,23 @@ pd.DataFrame([range(30)])
 """
 
 
+STYLE = "import matplotlib.pyplot as plt\nfrom shipnet import style\nstyle.use()\n"
+# Figures that are not legible if they are narrow.
+CROWDED = """fig, ax = plt.subplots(figsize=(8, 3))
+for x in range(8):
+    ax.text(x / 9, 0.5, "a long word")
+"""
+BOXED = """fig, ax = plt.subplots(figsize=(8, 3))
+style.box(ax, 0.4, 0.2, 0.2, 0.6, "words in a box")
+"""
+OUTLINED = """from matplotlib.collections import PathCollection
+from matplotlib.textpath import TextPath
+plt.gca().add_collection(PathCollection([TextPath((0, 0), word) for word in "ab"]))
+"""
+COLLAPSED = "plt.subplots(1, 12, figsize=(9, 3))"
+TITLED = "plt.title(75 * 'a')"
+
+
 def code(source, identifier, **metadata):
     return new_code_cell(source, id=identifier, metadata=metadata)
 
@@ -134,6 +151,23 @@ def test_the_figure_in_the_form_of_an_object_is_in_the_book_but_not_stored(tmp_p
     patterns = get_sanitize_patterns(text)
     assert (notebooks.FIGURE.pattern, "<figure></figure>") in patterns
     assert notebooks.FIGURE.sub("<figure></figure>", shown) == stored["text/html"]
+
+
+def test_a_figure_has_a_narrow_form_if_it_is_legible_there(tmp_path):
+    drawings = ["plt.plot([1, 2])", CROWDED, BOXED, OUTLINED, COLLAPSED, TITLED]
+    cells = [code(f"{STYLE}{drawing}\nplt.show()", f"c{n}") for n, drawing in enumerate(drawings)]
+    path = write(tmp_path, "a.ipynb", *cells)
+    plain, both = notebooks.execute(path), notebooks.execute(path, narrow=True)
+    assert notebooks.execute(path, narrow=True).text == both.text
+    wide, shown = (
+        [cell.outputs for cell in nbformat.reads(done.text, 4).cells[1:]] for done in (plain, both)
+    )
+    narrow = shown[0].pop(0)
+    assert shown == wide
+    assert [len(outputs) for outputs in shown] == [1] * len(drawings)
+    (size,) = narrow.metadata.values()
+    assert size.keys() == {"width"}
+    assert size["width"] < 440 < wide[0][0].metadata["image/png"]["width"]
 
 
 def test_stored_form(tmp_path):

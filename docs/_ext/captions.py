@@ -1,10 +1,11 @@
-"""Add an alternative text to each figure of a notebook."""
+"""Add an alternative text to each figure of a notebook, and mark the narrow forms of figures."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from docutils import nodes
+from PIL import Image
 from sphinx.transforms import SphinxTransform
 from sphinx.util import logging
 
@@ -16,7 +17,7 @@ logger = logging.getLogger(__name__)
 
 
 class Captions(SphinxTransform):
-    """Use each figure's caption as its alternative text; drop the figure's fixed height.
+    """Use each figure's caption as its alternative text; load it once it is shown.
 
     myst-nb itself uses the image's hash as the alternative text.
     """
@@ -33,7 +34,12 @@ class Captions(SphinxTransform):
                     image["alt"] = caption.astext().replace("\n", " ")
                 else:
                     logger.warning("no caption below this figure", location=image)
-                image.attributes.pop("height", None)
+                image["loading"] = "lazy"  # the form that is not shown is not loaded
+                if "width" in image and "height" not in image:  # see docs/narrow.py
+                    image["classes"].append("narrow")
+                    _, file = self.env.relfn2path(image["uri"], self.env.docname)
+                    with Image.open(file) as picture:
+                        image["height"] = str(picture.height // 2)
 
 
 def setup(app: Sphinx) -> ExtensionMetadata:

@@ -1,9 +1,15 @@
 """The book in a browser, served on the loopback and opened from the disk."""
 
 import re
+import subprocess
+import sys
 
+import nbformat
 import pytest
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 from playwright.sync_api import expect
+
+from docs import notebooks
 
 LONG = 30_000
 FIGURE = r"<img [^>]*_images/[0-9a-f]{64}[^>]*>"
@@ -107,6 +113,65 @@ def test_a_phone_shows_claims_and_glossary_without_scrolling_aside(page, url, si
     for name in claims:
         page.goto(f"{url}/{name}")
         assert page.evaluate(CUT, ".text_html:has(.shown)") == [], name
+
+
+# Of each figure that is shown: whether it is narrow, how its size compares with the one at which it
+# has text of 13.9 pixels, and how much of it its box can scroll.
+FIGURES = """() => [...document.querySelectorAll(".cell_output img")]
+  .filter(image => image.checkVisibility())
+  .map(image => [image.classList.contains("narrow"), image.width / image.getAttribute("width"),
+    image.parentElement.scrollWidth - image.parentElement.clientWidth])"""
+DRAWINGS = [
+    "plt.plot([1, 2])",
+    "plt.subplots(figsize=(8, 3))[1].set_title(100 * 'a')",
+]
+
+
+@pytest.fixture(scope="module")
+def figures(tmp_path_factory):
+    """Return the address of a page with two executed figures, of which one has a narrow form."""
+    root = tmp_path_factory.mktemp("book")
+    cells = [new_markdown_cell("# Figures")]
+    for drawing in DRAWINGS:
+        source = "import matplotlib.pyplot as plt\nfrom shipnet import style\nstyle.use()\n"
+        cells += [new_code_cell(f"{source}{drawing}\nplt.show()"), new_markdown_cell("*See this.*")]
+    (root / "notebooks").mkdir()
+    nbformat.write(new_notebook(cells=cells), root / "notebooks" / "index.ipynb")
+    assert notebooks.run(root) == 0
+    site = root / "build" / "site"
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "-c", notebooks.ROOT / "docs"]
+    subprocess.run([*command, root / "build" / "notebooks", site], check=True)
+    return (site / "index.html").as_uri()
+
+
+def test_a_phone_shows_narrow_forms_and_scrolls_other_figures(page, figures):
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.goto(figures)
+    (narrow, size, scrolled), (other, natural, beyond) = page.evaluate(FIGURES)
+    assert narrow
+    assert 10 / 13.9 < size <= 1
+    assert scrolled == 0
+    assert not other
+    assert natural > 0.98  # of the width, the padding is a part
+    assert beyond > 300
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+
+
+def test_a_wide_screen_shows_figures_as_they_are_and_loads_no_other(page, figures):
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.goto(figures)
+    shown = page.evaluate(FIGURES)
+    assert [narrow for narrow, *_ in shown] == [False, False]
+    assert [beyond for *_, beyond in shown] == [0, 0]
+    loaded = "() => [...document.querySelectorAll('img.narrow')].map(image => image.naturalWidth)"
+    assert page.evaluate(loaded) == [0]
+
+
+def test_no_figure_of_the_book_is_too_small_to_read_on_a_phone(page, url, site):
+    page.set_viewport_size({"width": 390, "height": 844})
+    for name in pages_with(site, "image-reference", folders=["notebooks"]):
+        page.goto(f"{url}/{name}")
+        assert all(size > 10 / 13.9 for _, size, _ in page.evaluate(FIGURES)), name
 
 
 def test_the_book_opens_from_the_disk_without_a_network(page, site):
