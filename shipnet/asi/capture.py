@@ -516,7 +516,7 @@ class Capture:
         Errors are named above the bits. If the bits would overlap, they are omitted, and telegrams
         with errors are red. Two lines show the smallest legal height of a first pulse.
         """
-        ax = style.axes(ax, figsize=(10, 3.2))
+        ax = style.axes(ax, figsize=(6.4, 3.2))
         u, dt = self.wave.u, self.wave.dt
         stop = len(u) * dt if stop is None else stop
         low, high = max(0, int(start / dt)), min(len(u), int(stop / dt) + 1)

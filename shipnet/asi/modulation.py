@@ -264,7 +264,7 @@ class Modulation:
             from shipnet.figure import house
 
             with house():
-                six = style.axes(nrows=6, figsize=(7, 9), sharex=True)
+                six = style.axes(nrows=6, figsize=(6.4, 8), sharex=True)
                 return self.plot(wave, cast("Sequence[Axes]", six))
         bits, t = self.text, wave.t
         edges = np.arange(2 * len(bits) + 1) * HALF_BIT * 1e6
@@ -286,9 +286,9 @@ class Modulation:
         ]:
             ax.step(edges[::2], [int(bit) for bit in row + row[-1]], where="post", color="C0")
             _write_bits(ax, row, 0.5)
-            ax.set(ylabel="level", ylim=(-0.2, 1.2), title=what)
+            ax.set(ylabel="level", yticks=[0, 1], ylim=(-0.2, 1.2), title=what)
         axes[1].step(edges, [*self.levels, self.levels[-1]], where="post", color="C0")
-        axes[1].set(ylabel="level", ylim=(-0.2, 1.2), title="2 Manchester code")
+        axes[1].set(ylabel="level", yticks=[0, 1], ylim=(-0.2, 1.2), title="2 Manchester code")
         axes[2].set_title("3 send current")
         axes[3].set_title("4 voltage on the line")
         slots = np.flatnonzero(pulses)

@@ -103,7 +103,7 @@ class Profile:
     @style.applied
     def plot_table(cls, ax: Axes | None = None) -> Axes:
         """Draw the ports of the 16 I/O configuration codes as a grid, one column per code."""
-        ax = style.axes(ax, figsize=(8, 2))
+        ax = style.axes(ax, figsize=(6.4, 2))
         fields = {"IN": "address", "OUT": "information", "I/O": "parity", "TRI": "frame"}
         for code, ports in enumerate(IO_CONFIGURATIONS):
             for row, port in enumerate(ports):

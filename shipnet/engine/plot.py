@@ -96,7 +96,7 @@ def plot_ages(
     ax.set(xlabel="time [s]", ylabel="age [s]")
     ax.set_ylim(bottom=0)
     if label or len(bad):
-        style.legend(ax)
+        style.legend(ax, 2)
     return ax
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import cycle, pairwise
 from math import inf, isnan
 from typing import TYPE_CHECKING, Any
 
@@ -314,12 +314,12 @@ class Variable:
         """Draw the membership functions; `crisp` adds the comparisons' limits as dashed lines."""
         ax = style.axes(ax)
         grid = np.linspace(self.low, self.high, 501)
-        for term in self.terms:
+        for term, dashes in zip(self.terms, cycle(("-", "--", "-.")), strict=False):
             corners = [x for x in term.corners if self.low < x < self.high]
             # With a point on each side of a corner, a step is drawn vertically.
             sides = [np.nextafter(corners, end) for end in (-np.inf, np.inf)]
             x = np.unique(np.concatenate([grid, corners, *sides]))
-            ax.plot(x, term.membership(x), label=style.literal(term.english or term.name))
+            ax.plot(x, term.membership(x), dashes, label=style.literal(term.english or term.name))
         ends = {end for term in self.terms for end in (term.crisp.low, term.crisp.high)}
         label = "as printed"
         for limit in sorted(end for end in ends if np.isfinite(end)) if crisp else ():
