@@ -33,7 +33,7 @@ _TASKS = {
 _LABELS = {name: f"{name} interrupt" for name in ("CAN", "timer", "Modbus")}
 
 #: Maximum number of bars, least tiles per row that show tags, size of their text [1/72 inch].
-_MOST_BARS, _TAGGED, _SIZE = 5000, 9, 10
+_MOST_BARS, _TAGGED, _SIZE = 5000, 8, 10
 
 
 @style.applied

@@ -244,10 +244,10 @@ class Screen:
         """Number of points shown as good although older than 2 s."""
         return int((self._table["age_s"] > RULE).sum())
 
-    def plot(self, ax: Axes | None = None, *, columns: int = 9) -> Axes:
+    def plot(self, ax: Axes | None = None, *, columns: int = 8) -> Axes:
         """Draw the points as tiles: good ones pale blue, old ones orange, marked ones dark.
 
-        With fewer than nine `columns`, which suit a narrow figure, the tiles do not show the tags.
+        With fewer than eight `columns`, which suit a narrow figure, the tiles do not show the tags.
         """
         from shipnet.engine.plot import plot_screen
 
