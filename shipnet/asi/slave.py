@@ -165,7 +165,7 @@ class Slave:
 
         A slash separates an event from the slave's action, if there is one.
         """
-        ax = style.axes(ax, figsize=(6.4, 2.6))
+        ax = style.axes(ax, figsize=(7.5, 2.6))
         box = {"facecolor": style.FIELD["address"], "edgecolor": "0.3"}
         middles = dict(zip(State, (0.0, 6.0, 12.0), strict=True))
         for state, x in middles.items():

@@ -164,8 +164,8 @@ _PARTS = {
     REQUEST_BITS: (
         ("ST", 1, "frame"),
         ("CB", 1, "control"),
-        ("address\nA4..A0", 5, "address"),
-        ("information\nI4..I0", 5, "information"),
+        ("address A4..A0", 5, "address"),
+        ("information I4..I0", 5, "information"),
         ("PB", 1, "parity"),
         ("EB", 1, "frame"),
     ),
@@ -183,20 +183,20 @@ def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> A
     """Draw a telegram as a row of coloured bits, with its levels as a line above."""
     if len(bits) not in _PARTS:
         raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
-    ax = style.axes(ax, figsize=(6.4, 2.2))
+    ax = style.axes(ax, figsize=(7.5, 2.2))
     edge = start
     for label, length, colour in _PARTS[len(bits)]:
         style.box(ax, edge, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
         ax.text(edge + length / 2, -0.22, label, ha="center", va="top")
         edge += length
+    ax.grid(visible=False)
+    ax.spines["left"].set_visible(False)
     for index, bit in enumerate(bits):
         ax.text(start + index + 0.5, 0.5, bit, ha="center", va="center", family="monospace")
     edges = [start + index for index in range(len(bits) + 1)]
     levels = [1.35 + 0.5 * int(bit) for bit in bits]
     ax.step(edges, [*levels, levels[-1]], where="post", color="C0")
-    ax.set(xlabel="time [bit]", yticks=[], ylim=(-1.1, 2.1))
-    ax.grid(visible=False)
-    ax.spines["left"].set_visible(False)
+    ax.set(xlabel="time [bit]", yticks=[], ylim=(-0.75, 2.1))
     return ax
 
 

@@ -131,7 +131,7 @@ class Transaction:
 
         Telegrams may also be strings of bits, valid or not.
         """
-        ax = style.axes(ax, figsize=(6.4, 2.8))
+        ax = style.axes(ax, figsize=(8, 2.6))
         arrow = {"arrowstyle": "<->", "color": "0.3", "shrinkA": 0, "shrinkB": 0}
         pause = {"facecolor": style.FIELD["pause"], "edgecolor": "0.3", "linestyle": ":"}
         start = 0.0
@@ -151,7 +151,9 @@ class Transaction:
             label = f"{name}\n{length:g} bit"
             ax.text((start + end) / 2, 2.5, label, ha="center", va="bottom")
             start = end
-        ax.set(xlim=(-0.5, self.bits + 0.5), ylim=(-1.1, 3.6), yticks=[], xlabel="time [bit]")
+        ax.set(xlim=(-0.5, self.bits + 0.5), ylim=(-0.75, 3.6), yticks=[], xlabel="time [bit]")
+        ax.grid(visible=False)
+        ax.spines["left"].set_visible(False)
         bit_us = self.bit_time * 1e6
         top = ax.secondary_xaxis(
             "top",

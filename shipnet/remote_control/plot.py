@@ -71,11 +71,11 @@ def plot_ring(ring: Any, ax: Axes | None) -> Axes:
             name, at(tip, cell), at(radius, cell), ha="center", va="center", arrowprops=arrow
         )
     text = (
-        f"ring_f = {state.ring_f}\nring_get_f = {state.ring_get_f}\n"
+        f"ring_f = {state.ring_f}, ring_get_f = {state.ring_get_f}\n"
         f"case {ring.case}, {ring.unread} unread"
     )
     ax.text(0, -1.55, text, ha="center", va="top")
-    ax.set(xlim=(-1.6, 1.6), ylim=(-2.5, 1.5), aspect="equal")
+    ax.set(xlim=(-1.6, 1.6), ylim=(-2.1, 1.5), aspect="equal")
     ax.set_axis_off()
     return ax
 
@@ -124,7 +124,7 @@ def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
     for start, end in pairwise(edges):
         abnormal = letters[start] in ("a", "c")
         ax.axvspan(start, end, color="#f7d9d5" if abnormal else "#dceaf5", zorder=0)
-        ax.text((start + end) / 2, leads.size * 1.05, f"case\n{letters[start]}", ha="center")
+        ax.text((start + end) / 2, leads.size * 0.93, letters[start], ha="center")
     ax.axvline(size, **_LIMIT)
     ax.annotate(
         "ring full",
@@ -135,7 +135,7 @@ def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
         color=_RED,
     )
     ax.set(xlabel="bytes unread [byte]", ylabel="true and shown [byte]")
-    ax.set(xlim=(0, leads.size), ylim=(0, 1.22 * leads.size))
+    ax.set(xlim=(0, leads.size), ylim=(0, leads.size))
     ax.grid(visible=False)
     style.legend(ax)
     return ax
