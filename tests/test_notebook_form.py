@@ -3,6 +3,7 @@
 import ast
 import importlib
 import re
+from base64 import b64decode, b64encode
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -31,6 +32,9 @@ HEADINGS = {
     "notebooks": [PROBLEM, "The map", "Units and figures", *END],
 }
 
+
+#: Most pixels across a stored figure: 6.6 inches at 200 pixels per inch, and the margin around it.
+WIDEST = 1344
 
 read = partial(nbformat.read, as_version=4)
 
@@ -174,6 +178,9 @@ def cell_faults(cell, number):
             yield "writes to standard error"
         if "plt.show()" in cell.source and "image/png" not in output.get("data", {}):
             yield "shows a figure but also other output"
+        png = b64decode(output.get("data", {}).get("image/png", "")[:32])
+        if (width := int.from_bytes(png[16:20], "big")) > WIDEST:
+            yield f"shows a figure {width / 200:.1f} inches wide; 6.4 fit beside 10-point text"
     if "plt.show()" in cell.source and not cell.outputs and not widget:
         yield "shows no figure"
     if "plt.subplots" in cell.source and not cell.source.rstrip().endswith("plt.show()"):
@@ -221,6 +228,12 @@ def sample(**changes):
     )
 
 
+def figure(width):
+    """Return an output with the start of a PNG file of this width, its signature and size."""
+    png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + width.to_bytes(4, "big") + bytes(4)
+    return nbformat.v4.new_output("display_data", {"image/png": b64encode(png).decode()})
+
+
 @pytest.mark.parametrize(
     ("changes", "fault"),
     [
@@ -244,6 +257,7 @@ def sample(**changes):
         ({"source": "fig, ax = plt.subplots()"}, "does not end with plt.show"),
         ({"source": "plt.show()", "outputs": []}, "shows no figure"),
         ({"id": None}, "cell ids"),
+        ({"outputs": [figure(WIDEST + 1)]}, "a figure 6.7 inches wide"),
     ],
 )
 def test_each_fault_is_found(changes, fault):

@@ -140,7 +140,7 @@ class Reception(NamedTuple):
             for level in (threshold, -threshold):
                 style.limit(ax, level, "threshold")
         ax.set(xlim=(-5, end), xlabel="time [µs]", ylabel="voltage at the master [V]")
-        style.legend(ax)
+        style.legend(ax, 2)
         return ax
 
 

@@ -190,6 +190,8 @@ def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> A
         style.box(ax, edge, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
         ax.text(edge + length / 2, -0.22, label, ha="center", va="top")
         edge += length
+    ax.grid(visible=False)
+    ax.spines["left"].set_visible(False)
     for index, bit in enumerate(bits):
         ax.text(start + index + 0.5, 0.5, bit, ha="center", va="center", family="monospace")
     edges = [start + index for index in range(len(bits) + 1)]

@@ -342,7 +342,12 @@ class Capture:
                 wrong["start_s"], np.full(len(wrong), len(names)), "x", color=style.LIMIT["color"]
             )
             names.append("faults")
-        ax.set(xlabel="time [s]", xlim=(0, self.duration), ylim=(len(names) - 0.4, -0.6))
+        ax.set(
+            xlabel="time [s]",
+            ylabel="identifier",
+            xlim=(0, self.duration),
+            ylim=(len(names) - 0.4, -0.6),
+        )
         ax.set_yticks(range(len(names)), names)
         ax.grid(visible=False, axis="y")
         return ax

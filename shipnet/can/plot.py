@@ -118,8 +118,8 @@ def plot_contest(
     ax.set(
         xlim=(-0.2, total + 0.2),
         ylim=(rows + 0.9, -0.6),
-        xticks=[bit + 0.5 for bit in range(total)],
-        xticklabels=range(total),
+        xticks=[bit + 0.5 for bit in range(0, total, 2)],
+        xticklabels=range(0, total, 2),
         xlabel="bit on the bus, 0 is the start of frame",
     )
     ax.tick_params(length=0)
@@ -190,7 +190,7 @@ def plot_wait(
     label = f"w = {waits[-1]:.2f} ms"
     ax.annotate(label, (waits[-1],) * 2, (4, -14), textcoords="offset points", color="C1")
     ax.annotate("B", (waits[0],) * 2, (-12, 4), textcoords="offset points", color="C1")
-    ax.text(0.02 * end, needed(0) + 0.02 * end, "bus time needed", color="C0")
+    ax.text(0.02 * end, needed(0) + 0.02 * end, "bus time\nneeded", color="C0")
     ax.text(0.45 * end, 0.38 * end, "wait w", color="0.4")
     ax.set(xlabel="wait w [ms]", ylabel="bus time [ms]", xlim=(0, end), ylim=(0, 1.1 * end))
     return ax

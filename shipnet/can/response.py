@@ -421,7 +421,7 @@ class ResponseTimes(Named[ResponseTime]):
                 ax.plot(response[which], y[which], look, label=f"response, {label}")
         if len(table):
             ax.plot(deadline, y, "|", ms=14, mew=2.5, color=red, label="deadline")
-            style.legend(ax)
+            ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3)
         for row in y[~finite]:
             ax.text(right, float(row), "no bound", ha="right", va="bottom")
         ax.set_xscale("log")

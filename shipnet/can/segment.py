@@ -241,7 +241,7 @@ class Signals:
             xlim=(0, self.t[-1] * 1e6),
             ylim=(min(-0.2, 1.1 * float(np.min(self.v[row]))), 1.2 * top),
         )
-        style.legend(ax)
+        style.legend(ax, 2)
         return ax
 
     def __repr__(self) -> str:

@@ -24,7 +24,7 @@ from shipnet.design.catalogue import (
 )
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.layout import Layout
-from shipnet.design.plot import plot_ranges
+from shipnet.design.plot import in_thousands, plot_ranges
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng, check_whole
 from shipnet.html import as_html
@@ -459,16 +459,17 @@ class Tornado:
         for level, colour in (("low", "C5"), ("high", "C1")):
             values = ends[level].to_numpy()
             ax.barh(y, values - base, left=base, height=0.7, color=colour, label=f"at its {level}")
-        ax.axvline(base, color="0.25", linewidth=1)
+        ax.axvline(base, color="0.25", linewidth=1, label="all nominal")
         ax.set_yticks(y, [words(name) for name in names])
-        ax.set_ylim(max(len(names), 1) - 0.5, -0.5)
+        ax.set_ylim(max(len(names), 1) - 0.5, -0.9)
         ax.set_xlabel(f"{self.subject} [{style.sign(self.unit)}]" if self.unit else self.subject)
+        in_thousands(ax)
         ax.locator_params(axis="x", nbins=6)
         ax.grid(visible=False, axis="y")
         low, high = ax.get_xlim()
         if len(self.between) == 2 and low <= 0 <= high:
-            ax.axvline(0, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
-        style.legend(ax)
+            style.moment(ax, 0, "equal")
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3)
         return ax
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -120,9 +121,17 @@ def plot_ranges(
     ax.set_yticks(rows, [*map(style.literal, ends.index)])
     ax.invert_yaxis()
     ax.set(xlabel=style.literal(words), xlim=(0, None))
+    in_thousands(ax)
     ax.grid(visible=False, axis="y")
-    style.legend(ax)
+    ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3)
     return ax
+
+
+def in_thousands(ax: Axes) -> None:
+    """Number an x axis of costs in kEUR."""
+    if (words := ax.get_xlabel()).endswith("[EUR]"):
+        ax.set_xlabel(words.replace("[EUR]", "[kEUR]"))
+        ax.xaxis.set_major_formatter(lambda x, _: f"{x / 1e3:g}")
 
 
 @style.applied
@@ -139,8 +148,11 @@ def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None
         # Each label is on the side with more room, and below its dot if another label is above.
         ha, right = ("right", -6) if left else ("left", 6)
         va, up = ("top", -5) if below else ("bottom", 5)
-        ax.annotate(style.literal(names), xy, (right, up), textcoords="offset points", ha=ha, va=va)
+        place: dict[str, Any] = {"textcoords": "offset points", "ha": ha, "va": va}
+        place["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+        ax.annotate(style.literal(names), xy, (right, up), **place)
     ax.set(xlabel=x, ylabel=y)
+    in_thousands(ax)
     ax.margins(0.15)
     return ax
 

@@ -358,20 +358,16 @@ class Scan:
         if self.rows[0].name:
             return self._plot_ages(style.axes(ax))
         ax, times = style.axes(ax), self.table()["scan_s"]
-        ax.plot(times.index, times, "o-", color="C0", mfc="white", label="other bit rates")
-        ax.plot(self.bit_rate, self.time, "o", color="C0", ms=9, label="chosen")
+        ax.plot(times.index, times, "o-", color="C0", mfc="white")
+        ax.plot(self.bit_rate, self.time, "o", color="C0", ms=9)
+        ax.annotate("chosen", (self.bit_rate, self.time), (6, 6), textcoords="offset points")
         if self.limit is not None:
-            colour, dashes = style.LIMIT["color"], style.LIMIT["linestyle"]
-            ax.axhline(self.limit, color=colour, linestyle=dashes, label=f"limit, {self.limit:g} s")
+            style.limit(ax, self.limit, f"limit,\n{self.limit:g} s")
         ax.set(xscale="log", xlabel="bit rate [bit/s]", ylabel="scan time [s]")
         style.logarithmic(ax.yaxis)
-        # A bit rate close to the one before, such as 57600, has no room for its name.
-        close = times.index.to_series().pct_change() < 0.6
-        names = ["" if near else f"{rate:g}" for rate, near in close.items()]
-        ax.set_xticks(times.index, names)
+        ax.set_xticks(times.index, [f"{rate:g}" for rate in times.index], rotation=45, ha="right")
         ax.set_xticks([], minor=True)
         ax.set_xlim(0.85 * times.index[0], 1.2 * times.index[-1])
-        ax.legend(loc="upper right")
         return ax
 
     def _plot_ages(self, ax: Axes) -> Axes:

@@ -138,6 +138,8 @@ class Ledger:
         left = counts["claims"] * 0
         for treatment, colour in _COLOURS.items():
             number = counts[treatment]
+            if not number.any():
+                continue
             bars = ax.barh(counts.index, number, left=left, color=colour, label=treatment)
             ax.bar_label(
                 bars,

@@ -76,7 +76,11 @@ class AsiBench(Tool):
         make=lambda value: tuple(fields.check_kind("devices", value, list)),
     )
     length: float = number(1, LONGEST, "m", _WORDS["length"], (10, 300), default=100.0, step=0.1)
-    cable: str = choice(list(CABLE_CHOICES), _WORDS["cable"], default=next(iter(CABLE_CHOICES)))
+    cable: str = choice(
+        {key: key.replace("ohm", "Ω") for key in CABLE_CHOICES},
+        _WORDS["cable"],
+        default=next(iter(CABLE_CHOICES)),
+    )
     ring: bool = switch(_WORDS["ring"], default=False)
     current_ma: float = number(0, 500, "mA", _WORDS["current_ma"], (0, 200), default=65.0, step=1)
     pairs: int = whole(0, ADDRESSES, help=_WORDS["pairs"], default=0)
@@ -372,7 +376,7 @@ class AsiBench(Tool):
         least, most = asi.TOLERANCE
         volts = float(asi.rule_limits()["low"]["slave_voltage"])
         limits = {"weakest": 100 * least, "ringing": 100 * most, "volts": volts}
-        labels = {"resistor": f"{RESISTOR:g} ohm"}
+        labels = {"resistor": f"{RESISTOR:g} Ω"}
         kinds = {kind: (*counts, labels.get(kind, kind)) for kind, counts in KINDS.items()}
         help = "An AS-i plan as CSV or Excel; its slaves are numbered from 1, in address order."
         return {

@@ -99,7 +99,7 @@ class EngineFaults(Tool):
             },
             plot=self.plot,
             narrow=lambda ax: self.result.plot(ax, columns=6),
-            height=4.6,
+            height=5.2,
             about="Screen of the alarm monitoring system, one tile per value",
             data=self.result.table,
             short="old values shown" if old else "no old values",
