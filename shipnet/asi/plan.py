@@ -524,8 +524,8 @@ class Plan:
         """Draw the plan with cable lengths to scale; slaves that violate a rule are red crosses.
 
         The cables of a segment that violates a rule, or is not verified, are red. A cable that
-        closes a ring is dashed. At most 12 slaves are labelled; of more slaves, their number is
-        written at up to 12 nodes, with the name of the node if there is more than one.
+        closes a ring is dashed. Up to 12 slaves are labelled; of more, those at up to 12 nodes
+        are counted.
         """
         ax = style.axes(ax)
         table = None if findings is None else findings.table()
@@ -544,8 +544,7 @@ class Plan:
             if placed.closing is not None:
                 ax.plot(*(placed.closing + origin[:, np.newaxis]), "--", color=colour, zorder=1)
             if len(self.segments) > 1:
-                beside: dict[str, Any] = {"textcoords": "offset points", "va": "bottom"}
-                ax.annotate(f"segment {number}", tuple(origin), (16, 3), **beside)
+                ax.annotate(f"segment {number}", origin, (16, 5), textcoords="offset points")
             top += placed.lowest - 1.5
         devices: tuple[Any, ...] = (*self.masters, *self.supplies, *self.terminators)
         for device in devices:
@@ -562,9 +561,8 @@ class Plan:
         for slave in self.slaves:
             at_node.setdefault(slave.node, []).append(slave.label)
         for node, labels in at_node.items() if len(at_node) <= _NAMED else ():
-            few = len(self.slaves) <= _NAMED
             count = f"{len(labels)} slaves" if len(at_node) == 1 else f"{node} ({len(labels)})"
-            text = " ".join(labels) if few else count
+            text = " ".join(labels) if len(self.slaves) <= _NAMED else count
             above: dict[str, Any] = {"textcoords": "offset points", "ha": "center"}
             ax.annotate(style.literal(text), tuple(spots[node]), (0, 6), **above)
         for label, (marker, colour, size) in _MARKS.items():

@@ -181,10 +181,7 @@ _PARTS = {
 
 @style.applied
 def plot_telegram(bits: str, ax: Axes | None = None, *, start: float | None = None) -> Axes:
-    """Draw a telegram as a row of coloured bits, with its levels as a line above.
-
-    Give `start` [bit] to draw it on one axis with other telegrams.
-    """
+    """Draw a telegram as coloured bits below its levels; among other telegrams, give `start`."""
     if len(bits) not in _PARTS:
         raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
     ax = style.axes(ax, figsize=(6.4, 2.2))
@@ -192,8 +189,7 @@ def plot_telegram(bits: str, ax: Axes | None = None, *, start: float | None = No
     edge = start
     for label, length, colour in _PARTS[len(bits)]:
         style.box(ax, edge, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
-        label = label.strip() if alone else label
-        ax.text(edge + length / 2, -0.22, label, ha="center", va="top")
+        ax.text(edge + length / 2, -0.22, label.strip() if alone else label, ha="center", va="top")
         edge += length
     ax.grid(visible=False)
     ax.spines["left"].set_visible(False)

@@ -115,7 +115,8 @@ def plot_screen(
     for tile, (tag, value, unit, age, mark) in enumerate(zip(*shown, strict=True)):
         y, x = divmod(tile, columns)
         colour, star, ink = "#d6eaf8", "", "0.1"
-        text = f"{value:g} {style.sign(unit)}" if unit else "alarm" if value else "no alarm"
+        text = f"{value:g} {style.sign(unit)}".rstrip()
+        text = text if unit else {"0": "no alarm", "1": "alarm"}.get(text, text)
         if mark:
             colour, text, ink = "0.2", mark, "1.0"
         elif age > old:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.axes import Axes
 
 from shipnet import style
 from shipnet.asi.modulation import HALF_BIT, Modulation
+from shipnet.asi.plan import Comparison
+from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.slave import Slave
 from shipnet.asi.states import ExchangeStates
 from shipnet.asi.telegram import Request
@@ -57,7 +61,7 @@ def _impedance_and_spectrum(*, cable: Cable = CABLES["as-i 1.5"], ax: Axes) -> A
     """Draw the impedance of the cable, and the spectrum of the example request."""
     f = np.geomspace(1e3, 1e6, 4000)
     s = 2j * np.pi * f
-    series = cable.series_impedance(s)
+    marked, series = [1, 2e-3 / HALF_BIT], cable.series_impedance(s)
     level = Modulation(REQUEST.bits).spectrum(f)
     curves = {
         "series\nimpedance [Ω/m]": np.abs(series),
@@ -68,11 +72,7 @@ def _impedance_and_spectrum(*, cable: Cable = CABLES["as-i 1.5"], ax: Axes) -> A
         panel.plot(f / 1e3, values)
         panel.axvline(2e-3 / HALF_BIT, **style.PAPER)
         panel.set(ylabel=name, ylim=(0, None), xlim=(1, 1000))
-        if name.startswith("series"):
-            for x, side in ((1, "left"), (2e-3 / HALF_BIT, "right")):
-                y = np.interp(x, f / 1e3, values)
-                panel.plot(x, y, "C0o", clip_on=False)
-                panel.text(x, y + 0.3, f" {y:.2g} ", ha=side)
+        panel.plot(marked, np.interp(marked, f / 1e3, values), "C0o", clip_on=False)
     panel.text(600, 0.95, "667 kHz", ha="right", va="top", color=style.PAPER["color"])
     panel.set_xlabel("frequency [kHz]")
     style.logarithmic(panel.xaxis)
@@ -112,4 +112,20 @@ def plot_modulations(ax: Axes) -> Axes:
         if name == "Manchester":  # the middle panel
             panel.set_ylabel("power [% of the highest]")
     panel.set_xlabel("frequency [kHz]")
+    return ax
+
+
+def plot_lengths(ends: Mapping[str, Comparison], ax: Axes) -> Axes:
+    """Draw weakest pulse and ringing over the cable length, for up to two ends of the cable."""
+    rows = {"evenness": ("weakest pulse", "at least"), "ringing": ("ringing", "at most")}
+    for panel, (column, (name, word)) in zip(panels(ax, 2, sharex=True), rows.items(), strict=True):
+        for (end, compared), look in zip(ends.items(), ("-", ".-"), strict=False):
+            part = 100 * compared.table()[column]
+            panel.plot(part, look)
+            panel.text(1.01, part.iloc[-1], end, transform=panel.get_yaxis_transform(), va="center")
+        limit, red = 100 * getattr(TOLERANCE, column), style.LIMIT["color"]
+        panel.axhline(limit, **style.LIMIT)
+        panel.text(part.index[0], limit - 2, f"{word} {limit:g} %", color=red, va="top")
+        panel.set(ylabel=f"{name} [%]", ylim=(0, None))
+    panel.set_xlabel("length of the cable [m]")
     return ax
