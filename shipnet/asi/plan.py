@@ -536,7 +536,8 @@ class Plan:
         for number, segment in enumerate(self.segments, start=1):
             network = segment.network
             placed = network.layout(segment.head)
-            origin = np.array([segment.lead, top])
+            place = segment.lead, top
+            origin = np.array(place)
             spots |= dict(zip(network.nodes, placed.spot + origin, strict=True))
             colour = LIMIT["color"] if str(segment) in failed else "0.6"
             for stroke in placed.strokes:
@@ -544,7 +545,7 @@ class Plan:
             if placed.closing is not None:
                 ax.plot(*(placed.closing + origin[:, np.newaxis]), "--", color=colour, zorder=1)
             if len(self.segments) > 1:
-                ax.annotate(f"segment {number}", origin, (16, 5), textcoords="offset points")
+                ax.annotate(f"segment {number}", place, (16, 5), textcoords="offset points")
             top += placed.lowest - 1.5
         devices: tuple[Any, ...] = (*self.masters, *self.supplies, *self.terminators)
         for device in devices:

@@ -90,9 +90,9 @@ def plot_ages(
     for begin, end in zip(bad["good_until_s"], bad["until_s"], strict=True):
         ax.axvspan(begin, end, color=line.get_color(), alpha=0.15, lw=0, hatch=hatch)
     if len(bad):
-        words = f" {label}:\n marked" if label else " marked"
-        y, side = (0.04, "bottom") if hatch else (0.96, "top")
-        ax.text(bad["good_until_s"].iloc[0], y, words, va=side, transform=ax.get_xaxis_transform())
+        words, across = f" {label}:\n marked" if label else " marked", ax.get_xaxis_transform()
+        height, side = (0.04, "bottom") if hatch else (0.96, "top")
+        ax.text(bad["good_until_s"].iloc[0], height, words, va=side, transform=across)
     for name, value in (limits or {}).items():
         style.limit(ax, value, name)
     ax.set(xlabel="time [s]", ylabel="age [s]")

@@ -70,10 +70,10 @@ def _impedance_and_spectrum(*, cable: Cable = CABLES["as-i 1.5"], ax: Axes) -> A
     }
     for panel, (name, values) in zip(panels(ax, 3, sharex=True), curves.items(), strict=True):
         panel.plot(f / 1e3, values)
-        panel.axvline(2e-3 / HALF_BIT, **style.PAPER)
+        panel.axvline(2e-3 / HALF_BIT, color="0.45", linestyle="--")
         panel.set(ylabel=name, ylim=(0, None), xlim=(1, 1000))
         panel.plot(marked, np.interp(marked, f / 1e3, values), "C0o", clip_on=False)
-    panel.text(600, 0.95, "667 kHz", ha="right", va="top", color=style.PAPER["color"])
+    panel.text(600, 0.95, "667 kHz", ha="right", va="top", color="0.45")
     panel.set_xlabel("frequency [kHz]")
     style.logarithmic(panel.xaxis)
     return ax
@@ -104,7 +104,7 @@ def plot_modulations(ax: Axes) -> Axes:
             code = levels @ np.exp(-2j * np.pi * np.outer(np.arange(levels.size), x))
             level = np.abs(np.sinc(x) * code)
         panel.fill_between(f / 1e3, 100 * level**2 / (level**2).max())
-        panel.axvline(2e-3 / HALF_BIT, **style.PAPER)
+        panel.axvline(2e-3 / HALF_BIT, color="0.45", linestyle="--")
         dc, high = 100 * table.loc[name]
         panel.text(655, 95, f"{name}\nmean (DC) {dc:.0f} %", ha="right", va="top")
         panel.text(680, 95, f"above 667 kHz:\n{high:.1f} %", va="top")
@@ -124,7 +124,7 @@ def plot_lengths(ends: Mapping[str, Comparison], ax: Axes) -> Axes:
             panel.plot(part, look)
             panel.text(1.01, part.iloc[-1], end, transform=panel.get_yaxis_transform(), va="center")
         limit, red = 100 * getattr(TOLERANCE, column), style.LIMIT["color"]
-        panel.axhline(limit, **style.LIMIT)
+        panel.axhline(limit, color=red, linestyle="--")
         panel.text(part.index[0], limit - 2, f"{word} {limit:g} %", color=red, va="top")
         panel.set(ylabel=f"{name} [%]", ylim=(0, None))
     panel.set_xlabel("length of the cable [m]")

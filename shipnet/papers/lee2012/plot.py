@@ -13,7 +13,8 @@ from shipnet.engine.faults import DeadBox
 from shipnet.engine.points import read_points
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
-from shipnet.papers.lee2012.operation import LINE, response_scope, switch_over_scope
+from shipnet.papers.lee2012.buses import LINE
+from shipnet.papers.lee2012.operation import response_scope, switch_over_scope
 from shipnet.papers.plot import FILL, box, diagram, diagrams
 from shipnet.papers.registry import drawing
 
