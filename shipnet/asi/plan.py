@@ -72,8 +72,8 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
     "repeater": ("D", "C1", 6),
     "terminator": ("|", "0.2", 14),
     "slave": ("o", "C0", 4),
-    "slave, passed": ("o", "C0", 4),
-    "slave, failed": ("X", LIMIT["color"], 7),
+    "slave, rules met": ("o", "C0", 4),
+    "slave, rule violated": ("X", LIMIT["color"], 7),
 }
 
 #: Slaves, or else nodes with slaves, are labelled in a drawing if there are at most this many.
@@ -524,8 +524,8 @@ class Plan:
         """Draw the plan with cable lengths to scale; slaves that violate a rule are red crosses.
 
         The cables of a segment that violates a rule, or is not verified, are red. A cable that
-        closes a ring is dashed. At most 12 slaves are labelled; of more slaves, at most 12 nodes
-        have their name and, in brackets, number of slaves.
+        closes a ring is dashed. Up to 12 slaves are labelled; of more, those at up to 12 nodes
+        are counted.
         """
         ax = style.axes(ax)
         table = None if findings is None else findings.table()
@@ -533,16 +533,19 @@ class Plan:
         points: dict[str, list[Floats]] = {kind: [] for kind in _MARKS}
         spots: dict[str, Floats] = {}
         top = 0.0
-        for segment in self.segments:
+        for number, segment in enumerate(self.segments, start=1):
             network = segment.network
             placed = network.layout(segment.head)
-            origin = np.array([segment.lead, top])
+            place = segment.lead, top
+            origin = np.array(place)
             spots |= dict(zip(network.nodes, placed.spot + origin, strict=True))
             colour = LIMIT["color"] if str(segment) in failed else "0.6"
             for stroke in placed.strokes:
                 ax.plot(*(stroke + origin[:, np.newaxis]), color=colour, zorder=1)
             if placed.closing is not None:
                 ax.plot(*(placed.closing + origin[:, np.newaxis]), "--", color=colour, zorder=1)
+            if len(self.segments) > 1:
+                ax.annotate(f"segment {number}", place, (16, 5), textcoords="offset points")
             top += placed.lowest - 1.5
         devices: tuple[Any, ...] = (*self.masters, *self.supplies, *self.terminators)
         for device in devices:
@@ -553,14 +556,14 @@ class Plan:
             # Keep the marker clear of the branches at the upper node.
             points["repeater"].append(ends[ends[:, 1].argmin()] + [0, 0.75])
         for slave in self.slaves:
-            verdict = ", failed" if str(slave) in failed else ", passed"
+            verdict = ", rule violated" if str(slave) in failed else ", rules met"
             points["slave" + ("" if findings is None else verdict)].append(spots[slave.node])
         at_node: dict[str, list[str]] = {}
         for slave in self.slaves:
             at_node.setdefault(slave.node, []).append(slave.label)
         for node, labels in at_node.items() if len(at_node) <= _NAMED else ():
-            few = len(self.slaves) <= _NAMED
-            text = " ".join(labels) if few else f"{node} ({len(labels)})"
+            count = f"{len(labels)} slaves" if len(at_node) == 1 else f"{node} ({len(labels)})"
+            text = " ".join(labels) if len(self.slaves) <= _NAMED else count
             above: dict[str, Any] = {"textcoords": "offset points", "ha": "center"}
             ax.annotate(style.literal(text), tuple(spots[node]), (0, 6), **above)
         for label, (marker, colour, size) in _MARKS.items():
@@ -570,7 +573,7 @@ class Plan:
         ax.spines["left"].set_visible(False)
         ax.set(xlabel="distance from the master [m]", yticks=[])
         ax.set_ylim(1.04 * top + 0.7, 0.8 - 0.04 * top)
-        style.legend(ax, 6)
+        style.legend(ax)
         return ax
 
 
@@ -665,8 +668,9 @@ class Comparison:
         name = f", {label}" if label else ""
         ax.plot(x, 100 * table["evenness"], color="C0", label="weakest pulse" + name, **line)
         ax.plot(x, 100 * table["ringing"], color="C1", marker=".", label="ringing" + name, **line)
-        style.limit(ax, 100 * TOLERANCE.evenness, "weakest pulse,\nat least")
-        style.limit(ax, 100 * TOLERANCE.ringing, "ringing,\nat most")
+        least, most = 100 * TOLERANCE.evenness, 100 * TOLERANCE.ringing
+        style.limit(ax, least, f"weakest pulse,\nat least {least:g} %")
+        style.limit(ax, most, f"ringing,\nat most {most:g} %")
         ax.set(ylabel="fraction of the largest pulse [%]", ylim=(0, 112))
         style.legend(ax, 2)
         return ax

@@ -160,7 +160,7 @@ class Call(IntEnum):
 REQUEST_BITS, RESPONSE_BITS = 14, 7
 
 #: Parts of a telegram by its number of bits: label, number of bits, key of `style.FIELD`.
-#: Names of adjacent single bits are on different lines, as a bit can be narrower than its name.
+#: Names of adjacent single bits are on two lines, for bits that are narrower than their names.
 _PARTS = {
     REQUEST_BITS: (
         ("ST", 1, "frame"),
@@ -180,15 +180,16 @@ _PARTS = {
 
 
 @style.applied
-def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> Axes:
-    """Draw a telegram as a row of coloured bits, with its levels as a line above."""
+def plot_telegram(bits: str, ax: Axes | None = None, *, start: float | None = None) -> Axes:
+    """Draw a telegram as coloured bits below its levels; among other telegrams, give `start`."""
     if len(bits) not in _PARTS:
         raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
     ax = style.axes(ax, figsize=(6.4, 2.2))
+    alone, start = start is None, start or 0.0
     edge = start
     for label, length, colour in _PARTS[len(bits)]:
         style.box(ax, edge, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
-        ax.text(edge + length / 2, -0.22, label, ha="center", va="top")
+        ax.text(edge + length / 2, -0.22, label.strip() if alone else label, ha="center", va="top")
         edge += length
     ax.grid(visible=False)
     ax.spines["left"].set_visible(False)
@@ -197,7 +198,10 @@ def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> A
     edges = [start + index for index in range(len(bits) + 1)]
     levels = [1.35 + 0.5 * int(bit) for bit in bits]
     ax.step(edges, [*levels, levels[-1]], where="post", color="C0")
-    ax.set(xlabel="time [bit]", yticks=[], ylim=(-1.3, 2.1))
+    ax.set_yticks([0.5, 1.6], ["bit", "level"])
+    ax.tick_params(axis="y", length=0)
+    short = alone and len(bits) == RESPONSE_BITS
+    ax.set(xlabel="time [bit]", ylim=(-0.8 if short else -1.3, 2.1))
     return ax
 
 

@@ -229,7 +229,8 @@ class Run:
         ax.plot(times, counts, drawstyle="steps-post")
         style.limit(ax, PASSIVE, "error\npassive")
         style.limit(ax, BUS_OFF, "bus off")
-        ax.set(xlabel="time [ms]", ylabel=f"TEC of {style.literal(sender)}", ylim=(0, 280))
+        name = f"transmit error counter\nof {style.literal(sender)}"
+        ax.set(xlabel="time [ms]", ylabel=name, ylim=(0, 280))
         ax.set_yticks(range(0, 257, 64))
         return ax
 

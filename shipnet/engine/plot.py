@@ -87,15 +87,17 @@ def plot_ages(
     dashes, hatch = ("--", "///") if ax.lines else ("-", "")
     (line,) = ax.plot(x.ravel(), y.ravel(), dashes, label=label or None)
     bad = ages[ages["good_until_s"] < ages["until_s"]]
-    marked = f"{label}, marked".lstrip(", ")
     for begin, end in zip(bad["good_until_s"], bad["until_s"], strict=True):
-        ax.axvspan(begin, end, color=line.get_color(), alpha=0.15, lw=0, hatch=hatch, label=marked)
-        marked = "_"
+        ax.axvspan(begin, end, color=line.get_color(), alpha=0.15, lw=0, hatch=hatch)
+    if len(bad):
+        words, across = f" {label}:\n marked" if label else " marked", ax.get_xaxis_transform()
+        height, side = (0.04, "bottom") if hatch else (0.96, "top")
+        ax.text(bad["good_until_s"].iloc[0], height, words, va=side, transform=across)
     for name, value in (limits or {}).items():
         style.limit(ax, value, name)
     ax.set(xlabel="time [s]", ylabel="age [s]")
     ax.set_ylim(bottom=0)
-    if label or len(bad):
+    if label:
         style.legend(ax, 2)
     return ax
 
@@ -112,18 +114,20 @@ def plot_screen(
     shown = [table[name].tolist() for name in ("tag", "value", "unit", "age_s", "mark")]
     for tile, (tag, value, unit, age, mark) in enumerate(zip(*shown, strict=True)):
         y, x = divmod(tile, columns)
-        colour, text, ink = "#d6eaf8", f"{value:g} {style.sign(unit)}".rstrip(), "0.1"
+        colour, star, ink = "#d6eaf8", "", "0.1"
+        text = f"{value:g} {style.sign(unit)}".rstrip()
+        text = text if unit else {"0": "no alarm", "1": "alarm"}.get(text, text)
         if mark:
             colour, text, ink = "0.2", mark, "1.0"
         elif age > old:
-            colour, text = "#E69F00", f"{text}*"
+            colour, star = "#E69F00", "*"
         tiles["//" if mark == "0xFF?" else ""].append((x, y, colour))
         if columns < _TAGGED:
-            words.append((x + 0.47, y + 0.45, text, ink))
+            words.append((x + 0.48, y + 0.45, text + star, ink))
         else:
-            words += [(x + 0.47, y + 0.65, text, ink), (x + 0.47, y + 0.25, tag[-7:], ink)]
+            words += [(x + 0.48, y + 0.65, text, ink), (x + 0.48, y + 0.25, tag[-7:] + star, ink)]
     for hatch, some in tiles.items():
-        corners = [[(x, y), (x + 0.94, y), (x + 0.94, y + 0.9), (x, y + 0.9)] for x, y, _ in some]
+        corners = [[(x, y), (x + 0.96, y), (x + 0.96, y + 0.9), (x, y + 0.9)] for x, y, _ in some]
         colours = [colour for *_, colour in some]
         ax.add_collection(
             PolyCollection(
@@ -142,16 +146,14 @@ def plot_screen(
             zorder=3,
         )
     )
+    looks = {"#d6eaf8": "good", "#E69F00": f"* older than {old:g} s", "0.2": "marked"}
     handles = [
-        Patch(facecolor="#d6eaf8", edgecolor="0.3", label="good"),
-        Patch(facecolor="#E69F00", edgecolor="0.3", label=f"* older than {old:g} s"),
-        Patch(facecolor="0.2", edgecolor="0.3", label="marked"),
+        Patch(facecolor=colour, edgecolor="0.3", label=name)
+        for colour, name in looks.items()
+        if any(colour == shown for some in tiles.values() for *_, shown in some)
     ]
     style.legend(ax, handles=handles)
-    ax.set(xlim=(0, columns), ylim=(-(-len(table) // columns), 0), xticks=[], yticks=[])
-    ax.set_xlabel("AMS, synthetic values")
-    ax.grid(visible=False)
-    return ax
+    return bare(ax, (0, columns), (-(-len(table) // columns), 0))
 
 
 @lru_cache(maxsize=4096)

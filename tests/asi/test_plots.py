@@ -53,12 +53,12 @@ def test_slaves_are_drawn_at_their_distance_in_the_colour_of_their_verdict(ax):
     findings = plan.check()
     assert findings.plot(ax=ax) is ax
     low = findings.violated().query("rule == 'slave_voltage'")
-    assert len(points(ax, "slave, failed")) == len(low) > 0
-    assert len(points(ax, "slave, passed")) == 62 - len(low)
-    assert max(x for x, _ in points(ax, "slave, passed")) < min(
-        x for x, _ in points(ax, "slave, failed")
+    assert len(points(ax, "slave, rule violated")) == len(low) > 0
+    assert len(points(ax, "slave, rules met")) == 62 - len(low)
+    assert max(x for x, _ in points(ax, "slave, rules met")) < min(
+        x for x, _ in points(ax, "slave, rule violated")
     )
-    assert legend(ax) == ["supply", "master", "slave, passed", "slave, failed"]
+    assert legend(ax) == ["supply", "master", "slave, rules met", "slave, rule violated"]
     assert not ax.texts
 
 
@@ -81,7 +81,7 @@ def test_a_segment_that_violates_a_rule_is_red(ax):
     red = [one for one in drawn if same_color(one.get_color(), LIMIT["color"])]
     assert [max(one.get_xdata()) for one in red] == [170]
     assert points(ax, "repeater")[0][0] == 60
-    assert [text.get_text() for text in ax.texts] == ["1", "2"]
+    assert [text.get_text() for text in ax.texts] == ["segment 1", "segment 2", "1", "2"]
 
 
 def traffic():

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.axes import Axes
 
+from shipnet import style
 from shipnet.asi.modulation import HALF_BIT, Modulation
+from shipnet.asi.plan import Comparison
+from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.slave import Slave
 from shipnet.asi.states import ExchangeStates
 from shipnet.asi.telegram import Request
@@ -54,19 +59,23 @@ def _eyes(*, lengths: tuple[float, ...] = (100, 150, 200), ax: Axes) -> Axes:
 @drawing("icn2007", "Fig 4-1", figsize=(6.4, 5))
 def _impedance_and_spectrum(*, cable: Cable = CABLES["as-i 1.5"], ax: Axes) -> Axes:
     """Draw the impedance of the cable, and the spectrum of the example request."""
-    f = np.arange(1e3, 800e3, 1e3)
+    f = np.geomspace(1e3, 1e6, 4000)
     s = 2j * np.pi * f
-    series = cable.series_impedance(s)
+    marked, series = [1, 2e-3 / HALF_BIT], cable.series_impedance(s)
     level = Modulation(REQUEST.bits).spectrum(f)
     curves = {
         "series\nimpedance [Ω/m]": np.abs(series),
         "characteristic\nimpedance [Ω]": np.abs(np.sqrt(series / cable.shunt_admittance(s))),
-        "signal / largest": level / level.max(),
+        "signal, relative\nto its maximum": level / level.max(),
     }
     for panel, (name, values) in zip(panels(ax, 3, sharex=True), curves.items(), strict=True):
         panel.plot(f / 1e3, values)
-        panel.set(ylabel=name, ylim=(0, None))
-    panel.set(xlabel="frequency [kHz]", xlim=(0, 800))
+        panel.axvline(2e-3 / HALF_BIT, color="0.45", linestyle="--")
+        panel.set(ylabel=name, ylim=(0, None), xlim=(1, 1000))
+        panel.plot(marked, np.interp(marked, f / 1e3, values), "C0o", clip_on=False)
+    panel.text(600, 0.95, "667 kHz", ha="right", va="top", color="0.45")
+    panel.set_xlabel("frequency [kHz]")
+    style.logarithmic(panel.xaxis)
     return ax
 
 
@@ -95,13 +104,28 @@ def plot_modulations(ax: Axes) -> Axes:
             code = levels @ np.exp(-2j * np.pi * np.outer(np.arange(levels.size), x))
             level = np.abs(np.sinc(x) * code)
         panel.fill_between(f / 1e3, 100 * level**2 / (level**2).max())
-        panel.axvline(2e-3 / HALF_BIT, color="0.4", linestyle=":")
+        panel.axvline(2e-3 / HALF_BIT, color="0.45", linestyle="--")
         dc, high = 100 * table.loc[name]
-        words = f"{name}\nDC up to {dc:.0f} %\n{high:.1f} % above {2e-3 / HALF_BIT:.0f} kHz"
-        white = {"facecolor": "white", "edgecolor": "none", "pad": 1}
-        panel.text(990, 95, words, ha="right", va="top", bbox=white)
+        panel.text(655, 95, f"{name}\nmean (DC) {dc:.0f} %", ha="right", va="top")
+        panel.text(680, 95, f"above 667 kHz:\n{high:.1f} %", va="top")
         panel.set(xlim=(0, 1000), yticks=[0, 50, 100])
         if name == "Manchester":  # the middle panel
             panel.set_ylabel("power [% of the highest]")
     panel.set_xlabel("frequency [kHz]")
+    return ax
+
+
+def plot_lengths(ends: Mapping[str, Comparison], ax: Axes) -> Axes:
+    """Draw weakest pulse and ringing over the cable length, for up to two ends of the cable."""
+    rows = {"evenness": ("weakest pulse", "at least"), "ringing": ("ringing", "at most")}
+    for panel, (column, (name, word)) in zip(panels(ax, 2, sharex=True), rows.items(), strict=True):
+        for (end, compared), look in zip(ends.items(), ("-", ".-"), strict=False):
+            part = 100 * compared.table()[column]
+            panel.plot(part, look)
+            panel.text(1.01, part.iloc[-1], end, transform=panel.get_yaxis_transform(), va="center")
+        limit, red = 100 * getattr(TOLERANCE, column), style.LIMIT["color"]
+        panel.axhline(limit, color=red, linestyle="--")
+        panel.text(part.index[0], limit - 2, f"{word} {limit:g} %", color=red, va="top")
+        panel.set(ylabel=f"{name} [%]", ylim=(0, None))
+    panel.set_xlabel("length of the cable [m]")
     return ax

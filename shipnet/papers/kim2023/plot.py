@@ -26,7 +26,7 @@ _RECORD: dict[str, Any] = {"dt": 50e-9, "before": 0, "after": 9.2e-6}
 drawing("kim2023", "Fig 1", figsize=(6.4, 4))(lambda *, ax: _valves().plot("home runs", ax=ax))
 drawing("kim2023", "Fig 2", figsize=(6.4, 4))(lambda *, ax: _valves().plot("AS-i", ax=ax))
 drawing("kim2023", "Table 7", figsize=(6.4, 2.4))(Profile.plot_table)
-diagrams("kim2023", "Fig 10", arrowstyle="-")
+diagrams("kim2023", "Fig 10", height=2.2, arrowstyle="-")
 
 
 def _valves() -> IoList:

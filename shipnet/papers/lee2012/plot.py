@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 
 from shipnet import style
 from shipnet.engine.faults import DeadBox
-from shipnet.engine.inputs import InputCard
-from shipnet.engine.points import CONDITIONS, PointList, read_points
+from shipnet.engine.points import read_points
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
+from shipnet.papers.lee2012.buses import LINE
 from shipnet.papers.lee2012.operation import response_scope, switch_over_scope
-from shipnet.papers.plot import FILL, box, diagram, diagrams, panels
+from shipnet.papers.plot import FILL, box, diagram, diagrams
 from shipnet.papers.registry import drawing
 
 __all__ = ["plot_channels"]
@@ -25,12 +25,12 @@ _PHASES = {"JB1": 0.0, "JB2": 0.08, "JB3": 0.12}
 
 diagrams("lee2012", "Fig 6", height=3.6)
 diagrams("lee2012", "Fig 7", height=4.4, arrowstyle="-")
+diagrams("lee2012", "Fig 8", height=2.6)
 diagrams("lee2012", "Fig 10", arrowstyle="-")
 drawing("lee2012", "Fig 3")(lambda *, ax: System().plot(ax=ax))
 drawing("lee2012", "Fig 5")(
     lambda *, ax: simulate(System(), until=1.3, phases=_PHASES).plot_timeline(1.0, 1.3, ax)
 )
-drawing("lee2012", "Fig 13")(lambda *, ax: plot_channels(response_scope(), ax=ax))
 
 
 @drawing("lee2012", "Fig 2")
@@ -74,34 +74,6 @@ def _wiring(*, ax: Axes) -> Axes:
     return style.bare(ax, (-0.4, 8.5), (-0.4, top + 1))
 
 
-@drawing("lee2012", "Fig 8", figsize=(6.4, 5))
-def _converters(*, margin: float = 0.125, ax: Axes) -> Axes:
-    """Draw the stages of the three converters, and the voltage that each makes of its signal.
-
-    The dashed lines are for amplifiers with this margin at both ends of the range.
-    """
-    stages, below = panels(ax, 2)
-    diagram("lee2012", "Fig 8", ax=stages)
-    signals = {
-        "Pt100 resistance [Ω]": (np.linspace(70, 190, 400), 1.0),
-        "loop current [mA]": (np.linspace(0, 24, 400), 1e-3),
-        "contact (1: closed)": (np.array([0.0, 1.0]), 1.0),
-    }
-    for panel, kind, (name, (signal, unit)) in zip(
-        panels(below, 1, 3), CONDITIONS, signals.items(), strict=True
-    ):
-        point = next(p for p in read_points() if p.condition == kind)
-        for label, look, edge in (("as printed", "-", 0.0), ("corrected", "--", margin)):
-            volts = InputCard(PointList([point]), margin=edge).voltage(unit * signal[:, None])
-            panel.plot(signal, volts, look if point.analogue else "o", label=label)
-        panel.set_xlabel(name)
-    panel.set_xticks([0, 1])
-    first, middle = panel.figure.axes[-3:-1]
-    first.set_ylabel("converter input [V]")
-    style.legend(middle)
-    return ax
-
-
 @drawing("lee2012", "Fig 11")
 def _screen(*, ax: Axes) -> Axes:
     """Draw the screen of the AMS after JB2 has died."""
@@ -109,14 +81,37 @@ def _screen(*, ax: Axes) -> Axes:
     return simulate(System(), faults=dead, until=20.0, phases=_PHASES).screen(13.0).plot(ax)
 
 
-@drawing("lee2012", "Fig 12", figsize=(6.4, 5))
-def _redundancy(*, cut: float = 1.5, ax: Axes) -> Axes:
-    """Draw the test, and what the AMS sends if channel 1 is unplugged at `cut` [s]."""
-    scenario, traces = panels(ax, 2)
-    diagram("lee2012", "Fig 12", ax=scenario, arrowstyle="-")
-    plot_channels(switch_over_scope(System(), cut=cut), ax=traces)
-    style.moment(traces, 1e3 * cut, "unplugged")
+@drawing("lee2012", "Fig 12")
+def _redundancy(*, part: str = "b", cut: float = 1.5, ax: Axes) -> Axes:
+    """Draw part a, the test, or b, what the AMS sends if channel 1 is unplugged at `cut` [s]."""
+    if part == "a":
+        return diagram("lee2012", "Fig 12", ax=ax, arrowstyle="-")
+    traces = switch_over_scope(System(), cut=cut)
+    plot_channels(traces, ax=ax)
+    style.moment(ax, 1e3 * cut, "unplugged")
+    lost = 1e3 * np.ceil(cut)  # the AMS polls at whole seconds
+    ax.text(lost, 0.05, "  no response")
+    _span(ax, lost, 1e3 * traces["Tx of channel 2"][0][1], -0.25, "")
     return ax
+
+
+@drawing("lee2012", "Fig 13", figsize=(6.4, 2.6))
+def _response(*, ax: Axes) -> Axes:
+    """Draw a request, a silence and a response, with the silence and the total time."""
+    traces, silence = response_scope(), 1e3 * LINE.t35
+    plot_channels(traces, ax=ax)
+    begin, end = 1e3 * traces["JB1 sends"][0][[1, -1]] - [0, silence]
+    _span(ax, begin - silence, begin, -0.25, "silence ")
+    _span(ax, 0.0, end, -1.8, "total ")
+    ax.set_ylim(-2, 1.2)
+    return ax
+
+
+def _span(ax: Axes, start: float, stop: float, y: float, name: str) -> None:
+    """Mark a span of time [ms] by an arrow, with its name and length to the right."""
+    arrow = {"arrowstyle": "<->", "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", (start, y), (stop, y), arrowprops=arrow)
+    ax.text(stop, y, f"  {name}{stop - start:.3g} ms", va="center")
 
 
 def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *, ax: Axes) -> Axes:
