@@ -208,7 +208,7 @@ class Screen:
             face = "0.94" if hatch else colour
             ax.fill_between([], [], facecolor=face, edgecolor=colour, hatch=hatch, label=state)
         if selected is not None:
-            look = {"fill": False, "edgecolor": "k", "linewidth": 2, "label": "selected"}
+            look: Any = {"fill": False, "edgecolor": "k", "linewidth": 2, "label": "selected"}
             ax.bar(x[framed], _HEIGHT, 0.84, y[framed], **look)
         ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=len(present) + 1)
         return ax

@@ -246,7 +246,7 @@ class Prediction:
             for part, dashes in ((grid <= last, "-"), (grid >= last, "--")):
                 ax.plot(grid[part], trend.at(grid[part]), dashes, color="C2")
             ax.fill_between(grid, low, high, color="C2", alpha=0.25, linewidth=0)
-            ax.text(0.5 * end, trend.at(0.5 * end), "trend  ", color="C2", ha="right")
+            ax.text(0.5 * end, float(trend.at(0.5 * end)), "trend  ", color="C2", ha="right")
             ax.set_xlim(0, stop)
             if crossing.estimate <= stop:
                 ends = np.array(
@@ -270,7 +270,7 @@ class Prediction:
             ax.set_title("no trend")
         if trend.logarithmic:
             style.logarithmic(ax.yaxis)
-            ax.yaxis.get_major_locator().set_params(subs=(1, 2, 4, 6, 8))
+            ax.yaxis.get_major_locator().set_params(subs=(1, 2, 4, 6, 8))  # type: ignore[call-arg]
             ax.yaxis.set_major_formatter(lambda leak, _: f"{1e12 * leak:g}")
         ax.set(xlabel="stroke", ylabel=label)
         return ax

@@ -253,17 +253,20 @@ class Run:
             tries = polls[polls["port"] == port]
             first, answered = tries["start_s"].to_numpy(), tries["answered"].to_numpy()
             answers = first[answered] + poll.time - poll.line.t35 - response
-            hatched = {"facecolor": "white", "edgecolor": red, "hatch": "/////"}
-            for name, look, begins, length, height in (
-                ("request", {"facecolor": "C0"}, first, request, 0.6),
-                ("response", {"facecolor": "C5"}, answers, response, 0.6),
-                ("no response", hatched, first[~answered] + request, poll.timeout, 0.2),
+            for name, colour, begins, length, height in (
+                ("request", "C0", first, request, 0.6),
+                ("response", "C5", answers, response, 0.6),
+                ("no response", "white", first[~answered] + request, poll.timeout, 0.2),
             ):
                 bars, label = [(at, length) for at in begins], name if port == "A" else f"_{name}"
-                ax.broken_barh(bars, (row, height), label=label, **look)
+                bar = ax.broken_barh(bars, (row, height), facecolor=colour, label=label)
+                if name == "no response":
+                    bar.set(edgecolor=red, hatch="/////")
         for fault in self.faults:
             words = str(fault).replace("break", "break after slave")
-            words = words.replace("short", "short after slave")
+            words = words.replace("short", "short after slave").replace(
+                "after slave 0", "at port A"
+            )
             for at, text in ((fault.start, words), (fault.stop, f"{words}: repaired")):
                 if at <= self.until:
                     ax.axvline(at, color=red, linestyle=style.LIMIT["linestyle"], linewidth=1)
