@@ -333,14 +333,8 @@ class Variable:
                 side = "left" if low else "right" if high else "center"
                 at = left if low else right if high else (top[0] + top[-1]) / 2
                 name = style.literal(term.english or term.name).replace(" ", "\n")
-                ax.annotate(
-                    name,
-                    (at, 1),
-                    (5 * (low - high), 3),
-                    textcoords="offset points",
-                    color=line.get_color(),
-                    ha=side,
-                )
+                look: Any = {"textcoords": "offset points", "color": line.get_color(), "ha": side}
+                ax.annotate(name, (at, 1), (5 * (low - high), 3), **look)
         ends = {end for term in self.terms for end in (term.crisp.low, term.crisp.high)}
         for limit in sorted(end for end in ends if np.isfinite(end)) if crisp else ():
             ax.axvline(limit, **style.PAPER, linewidth=1)  # type: ignore[arg-type]
