@@ -52,6 +52,9 @@ STATE_COLOURS = {
 #: Hatches of states that an operator must notice even without colours.
 _HATCHES = {"fault": "xxxx", "silent": "...."}
 
+#: Height of a bar; rows of bars are 1 apart.
+_HEIGHT = 0.5
+
 #: Maximum number of valves per row at which bars still show position and number.
 _NUMBERED = 20
 
@@ -160,7 +163,7 @@ class Screen:
     ) -> Axes:
         """Draw one bar per valve, coloured by its state; the selected bar is framed.
 
-        With at most 20 bars per row, each bar also shows its valve's position [%] and number.
+        With at most 20 bars per row, its valve's position [%] is above each bar, its number below.
         """
         units = self.shown.index.to_numpy()
         if selected is not None:
@@ -174,43 +177,40 @@ class Screen:
         states = self.shown["state"].tolist()
         ax.bar(
             x,
-            0.62,
+            _HEIGHT,
             0.84,
             y,
             color="0.94",
-            edgecolor="0.6",
+            edgecolor=[STATE_COLOURS[s] if s in _HATCHES else "0.6" for s in states],
             linewidth=0.5,
             hatch=[_HATCHES.get(state, "") for state in states],
         )
-        part = 0.62 * np.clip(np.nan_to_num(position), 0, 100) / 100
+        part = _HEIGHT * np.clip(np.nan_to_num(position), 0, 100) / 100
         # A closed valve still shows a strip of colour.
         ax.bar(x, np.maximum(part, 0.05), 0.84, y, color=[STATE_COLOURS[state] for state in states])
-        ax.bar(x[framed], 0.62, 0.84, y[framed], fill=False, edgecolor="k", linewidth=2)
-        ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[])
+        ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.3, rows - 0.2), xticks=[])
         if wide <= _NUMBERED:
             ax.set_yticks([])
             for index, (unit, percent) in enumerate(zip(units, position, strict=True)):
                 words = "-" if np.isnan(percent) else f"{percent:.0f}"
-                above = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-                ax.text(x[index], y[index] + 0.33, words, ha="center", va="center", bbox=above)
+                ax.text(x[index], y[index] + _HEIGHT + 0.05, words, ha="center")
                 ax.text(x[index], y[index] - 0.04, str(unit), ha="center", va="top", color="0.4")
-            ax.text(1, 1.02, "position [%]", transform=ax.transAxes, ha="right", va="bottom")
+            ax.set_xlabel("valve", color="0.4", labelpad=0)
+            ax.set_ylabel("position [%]")
         else:
-            ax.set_yticks(y[::wide] + 0.31, [f"from {unit}" for unit in units[::wide]])
+            ax.set_yticks(y[::wide] + _HEIGHT / 2, [f"from {unit}" for unit in units[::wide]])
             ax.tick_params(length=0)
         ax.grid(False)
         ax.spines[:].set_visible(False)
         present = [state for state in STATE_COLOURS if state in states]
         for state in present:
-            ax.fill_between(
-                [],
-                [],
-                facecolor=STATE_COLOURS[state],
-                edgecolor="0.9",
-                hatch=_HATCHES.get(state),
-                label=state,
-            )
-        ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=len(present))
+            colour, hatch = STATE_COLOURS[state], _HATCHES.get(state)
+            face = "0.94" if hatch else colour
+            ax.fill_between([], [], facecolor=face, edgecolor=colour, hatch=hatch, label=state)
+        if selected is not None:
+            look: Any = {"fill": False, "edgecolor": "k", "linewidth": 2, "label": "selected"}
+            ax.bar(x[framed], _HEIGHT, 0.84, y[framed], **look)
+        ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=len(present) + 1)
         return ax
 
 

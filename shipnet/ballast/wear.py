@@ -201,7 +201,7 @@ class Wear:
             return self.stroke_time[rows, k], LIMIT, "stroke time [s]"
         pressure = self.FP[rows, k]
         if predictor == "leak":
-            return leak_from_pressure(pressure), limit_leak(), "leak of the pump [m³/(s Pa)]"
+            return leak_from_pressure(pressure), limit_leak(), "leak [10⁻¹² m³/(s Pa)]"
         worn = float(WORN.membership(mid_pressure(limit_leak())))
         return WORN.membership(pressure), worn, "membership of FP in worn"
 
@@ -231,7 +231,8 @@ class Prediction:
         values, limit, label = self.wear._indicator(
             self.predictor, slice(0, self.at), self.valve - 1
         )
-        ax.plot(strokes, values, ".", color="C0", markersize=3, label="readings")
+        ax.plot(strokes, values, ".", color="C0", markersize=3)
+        ax.text(strokes[-1], values[-1], "\n  readings", color="C0", va="top")
         red, side = style.LIMIT["color"], ax.get_yaxis_transform()
         ax.axhline(limit, **style.LIMIT, linewidth=1)  # type: ignore[arg-type]
         ax.text(0.01, limit, "limit", transform=side, color=red, va="bottom")
@@ -239,19 +240,13 @@ class Prediction:
             crossing, last = trend.crossing(limit), self.at - 1
             # The axis is not extended to a crossing in the past or far in the future.
             end = crossing.estimate if last < crossing.estimate < 5 * last else last
-            stop = 1.25 * end
+            stop = 1.3 * end
             grid = np.linspace(0, stop, 200)
             low, high = trend.band(grid)
-            ax.plot(grid, trend.at(grid), color="C2", label="trend")
-            ax.fill_between(
-                grid,
-                low,
-                high,
-                color="C2",
-                alpha=0.25,
-                linewidth=0,
-                label=f"{100 * CONFIDENCE:g} % interval",
-            )
+            for part, dashes in ((grid <= last, "-"), (grid >= last, "--")):
+                ax.plot(grid[part], trend.at(grid[part]), dashes, color="C2")
+            ax.fill_between(grid, low, high, color="C2", alpha=0.25, linewidth=0)
+            ax.text(0.5 * end, float(trend.at(0.5 * end)), "trend  ", color="C2", ha="right")
             ax.set_xlim(0, stop)
             if crossing.estimate <= stop:
                 ends = np.array(
@@ -266,13 +261,17 @@ class Prediction:
                     capsize=4,
                     markersize=5,
                 )
-                words = f"\n end of life:\n stroke {crossing.estimate:.0f}"
+                words = (
+                    f"\n end of life:\n stroke {crossing.estimate:.0f}\n"
+                    f" {100 * CONFIDENCE:g} %: {crossing.low:.0f} to {crossing.high:.0f}"
+                )
                 ax.text(crossing.estimate, limit, words, color="C2", va="top")
         else:
-            ax.plot([], [], " ", label="no trend")
+            ax.set_title("no trend")
         if trend.logarithmic:
-            ax.set_yscale("log")
-        style.legend(ax)
+            style.logarithmic(ax.yaxis)
+            ax.yaxis.get_major_locator().set_params(subs=(1, 2, 4, 6, 8))  # type: ignore[call-arg]
+            ax.yaxis.set_major_formatter(lambda leak, _: f"{1e12 * leak:g}")
         ax.set(xlabel="stroke", ylabel=label)
         return ax
 

@@ -311,24 +311,35 @@ class Variable:
 
     @style.applied
     def plot(self, ax: Axes | None = None, *, crisp: bool = True) -> Axes:
-        """Draw the membership functions; `crisp` adds the comparisons' limits as dashed lines."""
+        """Draw the membership functions; `crisp` adds the comparisons' limits as dashed lines.
+
+        Axes keep the x limits that were set before.
+        """
         ax = style.axes(ax)
-        grid = np.linspace(self.low, self.high, 501)
+        if ax.get_autoscalex_on():
+            ax.set_xlim(self.low, self.high)
+        left, right = ax.get_xlim()
+        grid = np.linspace(left, right, 501)
         for term, dashes in zip(self.terms, cycle(("-", "--", "-.")), strict=False):
-            corners = [x for x in term.corners if self.low < x < self.high]
+            corners = [x for x in term.corners if left < x < right]
             # With a point on each side of a corner, a step is drawn vertically.
             sides = [np.nextafter(corners, end) for end in (-np.inf, np.inf)]
             x = np.unique(np.concatenate([grid, corners, *sides]))
-            ax.plot(x, term.membership(x), dashes, label=style.literal(term.english or term.name))
+            (line,) = ax.plot(x, term.membership(x), dashes)
+            # The name is above the visible points with a membership of 1.
+            top = x[(left <= x) & (x <= right) & (term.membership(x) > 0.99)]
+            if top.size:
+                low, high = (term.membership([left, right]) > 0.99).tolist()
+                side = "left" if low else "right" if high else "center"
+                at = left if low else right if high else (top[0] + top[-1]) / 2
+                name = style.literal(term.english or term.name).replace(" ", "\n")
+                look: Any = {"textcoords": "offset points", "color": line.get_color(), "ha": side}
+                ax.annotate(name, (at, 1), (5 * (low - high), 3), **look)
         ends = {end for term in self.terms for end in (term.crisp.low, term.crisp.high)}
-        label = "as printed"
         for limit in sorted(end for end in ends if np.isfinite(end)) if crisp else ():
-            ax.axvline(limit, **style.PAPER, linewidth=1, zorder=0.5, label=label)  # type: ignore[arg-type]
-            label = "_again"
-        # Narrow terms are too close together for labels beside the curves.
-        style.legend(ax, 2, handlelength=1.5, labelspacing=0.2)
-        ax.set_xlim(self.low, self.high)
-        ax.set_ylim(-0.05, 1.05)
+            ax.axvline(limit, **style.PAPER, linewidth=1)  # type: ignore[arg-type]
+            ax.annotate(f"limit {limit:g}", (limit, 1), (limit, 1.32), color="0.4", ha="center")
+        ax.set_ylim(-0.05, 1.3)
         ax.set_yticks([0, 0.5, 1])
         ax.set_xlabel(self.label)
         ax.set_ylabel("membership")

@@ -243,7 +243,7 @@ class Run:
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the frames at both ports; return the axes.
 
-        After a request without a response, the wait until the time-out is red.
+        After a request without a response, the wait until the time-out is hatched.
         """
         ax, red = style.axes(ax), style.LIMIT["color"]
         polls, poll = self.events(), self.system.poll
@@ -256,15 +256,22 @@ class Run:
             for name, colour, begins, length, height in (
                 ("request", "C0", first, request, 0.6),
                 ("response", "C5", answers, response, 0.6),
-                ("no response", red, first[~answered] + request, poll.timeout, 0.15),
+                ("no response", "white", first[~answered] + request, poll.timeout, 0.2),
             ):
                 bars, label = [(at, length) for at in begins], name if port == "A" else f"_{name}"
-                ax.broken_barh(bars, (row, height), facecolor=colour, label=label)
+                bar = ax.broken_barh(bars, (row, height), facecolor=colour, label=label)
+                if name == "no response":
+                    bar.set(edgecolor=red, hatch="/////")
         for fault in self.faults:
-            for at, words in ((fault.start, str(fault)), (fault.stop, f"{fault} repaired")):
+            words = str(fault).replace("break", "break after slave")
+            words = words.replace("short", "short after slave").replace(
+                "after slave 0", "at port A"
+            )
+            for at, text in ((fault.start, words), (fault.stop, f"{words}: repaired")):
                 if at <= self.until:
                     ax.axvline(at, color=red, linestyle=style.LIMIT["linestyle"], linewidth=1)
-                    ax.annotate(f" {words}", (at, 1.75), color=red, va="center")
+                    side = "left" if at < self.until / 2 else "right"
+                    ax.annotate(f" {text} ", (at, 1.75), color=red, ha=side, va="center")
         ax.set_yticks([1.3, 0.3], labels=["port A", "port B"])
         ax.set(xlabel="time [s]", xlim=(0, self.until), ylim=(-0.2, 1.95))
         style.legend(ax)

@@ -54,7 +54,7 @@ def plot_ring(ring: Any, ax: Axes | None) -> Axes:
             1,
             middle - 180 / size,
             middle + 180 / size,
-            width=0.3,
+            width=0.4,
             facecolor="white" if not full else _RED if overrun else "C0",
             alpha=0.45 if full else 1,
             edgecolor="0.4",
@@ -63,19 +63,19 @@ def plot_ring(ring: Any, ax: Axes | None) -> Axes:
         )
         ax.add_patch(wedge)
         if size <= 32 and cell < ring.written:
-            ax.text(*at(0.85, cell), f"{byte:02X}", ha="center", va="center")
-    pointers = (("no", state.no, 1.38, 1.02), ("get_no", state.get_no, 0.15, 0.69))
+            ax.text(*at(0.82, cell), f"{byte:02X}", ha="center", va="center")
+    pointers = (("no", state.no, 1.32, 1.01), ("get_no", state.get_no, 0, 0.59))
     for name, cell, radius, tip in pointers:
-        arrow = {"arrowstyle": "->", "color": "0.2"}
+        arrow = {"arrowstyle": "->", "color": "0.2", "shrinkB": 0}
         ax.annotate(
             name, at(tip, cell), at(radius, cell), ha="center", va="center", arrowprops=arrow
         )
-    text = (
-        f"ring_f = {state.ring_f}\nring_get_f = {state.ring_get_f}\n"
-        f"case {ring.case}, {ring.unread} unread"
-    )
-    ax.text(0, -1.5, text, ha="center", va="top")
-    ax.set(xlim=(-1.5, 1.5), ylim=(-1.5, 1.5), aspect="equal")
+    flags = f"ring_f = {state.ring_f}, ring_get_f = {state.ring_get_f}\ncase {ring.case}"
+    ax.text(0, -1.4, flags, ha="center", va="top")
+    shown, lost = ("hatched", f", {ring.unread - size} lost") if overrun else ("shaded", "")
+    words = f"\n\n{shown}: {ring.unread} unread{lost}"
+    ax.text(0, -1.4, words, color=_RED if overrun else "C0", ha="center", va="top")
+    ax.set(xlim=(-1.35, 1.35), ylim=(-1.35, 1.35), aspect="equal")
     ax.set_axis_off()
     return ax
 

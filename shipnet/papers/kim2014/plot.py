@@ -29,7 +29,6 @@ _QUERY = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 _LINE = SerialLine(9600)
 
 diagrams("kim2014", "Fig 2", "Fig 7", "Fig 9", "Fig 10", height=2.6)
-diagrams("kim2014", "Fig 15", height=2.8, arrowstyle="-")
 drawing("kim2014", "Fig 12")(lambda *, ax: seen_strokes([5])[5].plot(ax=ax))
 
 
@@ -67,6 +66,14 @@ def _hydraulics(*, n_valves: int = 3, ax: Axes) -> Axes:
     ax.text(-1.4, 3.6, "central: pipes to every valve")
     ax.text(left, 3.6, "distributed: a pump in every valve")
     return style.bare(ax, (-1.4, 3.6 + aside), (-0.25, 3.8))
+
+
+@drawing("kim2014", "Fig 15", figsize=(6.4, 2.8))
+def _test_bed(*, ax: Axes) -> Axes:
+    """Draw the test bed; section 4 does not say whether the dashed line existed."""
+    ax.plot([5.28, 7.8, 7.8], [3.2, 3.2, 2.33], "--", color="0.3", lw=1)
+    ax.text(6.54, 3.24, "port 2, if any", ha="center", va="bottom")
+    return diagram("kim2014", "Fig 15", ax=ax, arrowstyle="-")
 
 
 @drawing("kim2014", "Fig 3", "Fig 4", figsize=(6.4, 2.2))
@@ -114,7 +121,7 @@ def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
     return fields(ax, {"Fig 5": general, "Fig 6": detail})
 
 
-@drawing("kim2014", "Fig 11", figsize=(6.4, 3.8))
+@drawing("kim2014", "Fig 11", figsize=(6.4, 4.2))
 def _screen(*, time: float = 7.2, ax: Axes) -> Axes:
     """Draw the master's screen at a time [s]: 20 of 64 valves open, 4 go to 40 %, 6 is stuck."""
     plan = [Command("open", 3.0, valves=range(1, 21)), Command(40, 5.0, valves=range(31, 35))]
@@ -143,7 +150,7 @@ def _client(*, page: Screen | None = None, ax: Axes, **window: str) -> Axes:
         above.text(1.1 * column + 0.5, 0.75, name, ha="center", va="bottom")
         box(above, (1.1 * column, 0), 1, 0.6, "white", text)
     style.bare(above, (-0.1, 1.1 * len(window)), (-0.3, 1.2))
-    (TestBed().screen() if page is None else page).plot(5, ax=below)
+    (TestBed().screen() if page is None else page).plot(ax=below)
     return ax
 
 
