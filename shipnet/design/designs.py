@@ -154,7 +154,7 @@ class Design(Layout):
     def plot(self, ax: Axes | None = None, *, cables: Collection[str] = ()) -> Axes:
         """Draw the design from above: cabinet, devices, points, and the cables between them.
 
-        Bars mark the given `cables` as cut, and crosses the points that are lost if all are.
+        Crosses mark the given `cables` as cut, and rings the points that are lost if all are.
         """
         ax = style.axes(ax)
         at = self.devices.set_index("device")[["x_m", "y_m"]]
@@ -164,7 +164,7 @@ class Design(Layout):
             runs = self.cables[self.cables["kind"] == kind]
             if len(runs):
                 ends = np.stack([places.loc[runs[end]] for end in ("a", "b")], axis=1)
-                draw_cables(ax, ends, colour, kind)
+                draw_cables(ax, ends, colour, "--" if kind == "feeder" else "-", kind)
         boxes = self.devices[self.devices["kind"].isin(["box", "module", "station"])]
         ax.plot(boxes["x_m"], boxes["y_m"], "s", color="0.25", markersize=4, label="box or module")
         ax.plot(points["x_m"], points["y_m"], ".", color="0.5", markersize=3, label="point")
@@ -174,8 +174,9 @@ class Design(Layout):
             lost = points.loc[list(self.lost(cables=cables))]
             cut = self.cables.set_index("run").loc[list(cables)]
             middles = (places.loc[cut["a"]].to_numpy() + places.loc[cut["b"]].to_numpy()) / 2
-            ax.plot(*middles.T, "k|", markersize=16, markeredgewidth=3, label="cut")
-            ax.plot(*lost.to_numpy().T, "kX", markersize=8, label="lost")
+            red = style.LIMIT["color"]
+            ax.plot(*middles.T, "X", color=red, ms=12, mec="w", zorder=3, label="cut")
+            ax.plot(*lost.to_numpy().T, "ko", fillstyle="none", clip_on=False, label="lost")
             title += f": {len(lost)} of {len(points)} points lost"
         ax.set(xlabel="x [m]", ylabel="y [m]", title=title)
         ax.margins(0.05)

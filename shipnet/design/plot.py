@@ -131,7 +131,7 @@ def in_thousands(ax: Axes) -> None:
     """Number an x axis of costs in kEUR."""
     if (words := ax.get_xlabel()).endswith("[EUR]"):
         ax.set_xlabel(words.replace("[EUR]", "[kEUR]"))
-        ax.xaxis.set_major_formatter(lambda x, _: f"{x / 1e3:g}")
+        ax.xaxis.set_major_formatter(lambda x, _: f"{x / 1e3:g}".replace("-", "\N{MINUS SIGN}"))
 
 
 @style.applied
@@ -141,9 +141,9 @@ def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None
     at, best = table.to_numpy(float), table.index.isin(list(pareto))
     front = at[best][np.lexsort(at[best].T[::-1])]
     ax.plot(*front.T, color="C0", linewidth=1, drawstyle="steps-post", zorder=1)
-    for xy, filled in zip(at[:, :, None], best, strict=True):
-        face, order = ("C0", 3) if filled else ("white", 2)
-        ax.plot(*xy, "o", markersize=7, color="C0", markerfacecolor=face, zorder=order)
+    for rows, face, name in ((best, "C0", "Pareto-optimal"), (~best, "w", "not Pareto-optimal")):
+        look: dict[str, Any] = {"color": "C0", "mfc": face, "label": name}
+        ax.plot(*at[rows].T, "o", markersize=7, zorder=3 if face == "C0" else 2, **look)
     for names, xy, left, below in _labels(table.dropna().astype(float)):
         # Each label is on the side with more room, and below its dot if another label is above.
         ha, right = ("right", -6) if left else ("left", 6)
@@ -154,6 +154,8 @@ def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None
     ax.set(xlabel=x, ylabel=y)
     in_thousands(ax)
     ax.margins(0.15)
+    if best.any():
+        style.legend(ax)
     return ax
 
 
@@ -177,9 +179,9 @@ def _labels(table: pd.DataFrame) -> Iterator[tuple[str, tuple[float, float], boo
         yield names, (at[first, 0], at[first, 1]), bool(shown[first, 0] > 0.6), below
 
 
-def draw_cables(ax: Axes, ends: npt.ArrayLike, colour: str, label: str) -> None:
+def draw_cables(ax: Axes, ends: npt.ArrayLike, colour: str, dashes: str, label: str) -> None:
     """Draw straight lines between pairs of positions, shape (n, 2, 2)."""
     from matplotlib.collections import LineCollection
 
     lines = list(np.asarray(ends, dtype=float))
-    ax.add_collection(LineCollection(lines, colors=colour, linewidths=1.2, label=label))
+    ax.add_collection(LineCollection(lines, colors=colour, linestyles=dashes, label=label))

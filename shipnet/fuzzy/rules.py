@@ -388,11 +388,13 @@ class RuleBase:
                 # The middle of the places within a region that are farthest from its edges.
                 depth = distance_transform_edt(np.pad(decision.top == name, 1))[1:-1, 1:-1]
                 deepest = np.argwhere(depth == depth.max())
-                row, column = deepest[len(deepest) // 2]
+                row, column = deepest[abs(deepest - deepest.mean(0)).sum(1).argmin()]
                 white = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.5}
                 words: dict[str, Any] = {"ha": "center", "va": "center", "bbox": white}
                 if depth.max() < 0.02 * _FINE:  # a strip that its name would cover
-                    words |= {"xytext": (20, 12), "textcoords": "offset points"}
+                    # Its middle is near the name of the region beside it.
+                    row, column = deepest[3 * len(deepest) // 8]
+                    words |= {"xytext": (24, 10), "textcoords": "offset points"}
                     words |= {"arrowprops": {"arrowstyle": "-"}}
                 ax.annotate(style.literal(name), (sides[0][column], sides[1][row]), **words)
         else:
