@@ -665,8 +665,9 @@ class Comparison:
         name = f", {label}" if label else ""
         ax.plot(x, 100 * table["evenness"], color="C0", label="weakest pulse" + name, **line)
         ax.plot(x, 100 * table["ringing"], color="C1", marker=".", label="ringing" + name, **line)
-        style.limit(ax, 100 * TOLERANCE.evenness, "weakest pulse,\nat least")
-        style.limit(ax, 100 * TOLERANCE.ringing, "ringing,\nat most")
+        least, most = 100 * TOLERANCE.evenness, 100 * TOLERANCE.ringing
+        style.limit(ax, least, f"weakest pulse:\nat least {least:g} %")
+        style.limit(ax, most, f"ringing:\nat most {most:g} %")
         ax.set(ylabel="fraction of the largest pulse [%]", ylim=(0, 112))
         style.legend(ax, 2)
         return ax
