@@ -147,7 +147,7 @@ class Ledger:
         ax.invert_yaxis()
         ax.set_xlabel("claims")
         ax.grid(visible=False, axis="y")
-        ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.45, 1.0))
+        ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.4, 1.0), columnspacing=1)
         return ax
 
     def __len__(self) -> int:

@@ -122,21 +122,13 @@ class ValveDiagnosis(Tool):
         colours = [style.FIELD["information" if code in active else "address"] for code in codes]
         ax.barh(range(len(codes)), list(strength.values()), color=colours, height=0.7)
         ax.set_yticks(range(len(codes)), labels)
-        limit: dict[str, Any] = {"color": style.LIMIT["color"], "ha": "center", "va": "bottom"}
-        ax.axvline(self.threshold, **style.LIMIT)
-        ax.text(self.threshold, -0.7, "alarm threshold", **limit)
+        red = style.LIMIT["color"]
+        ax.axvline(self.threshold, color=red, linestyle=style.LIMIT["linestyle"])
+        ax.text(self.threshold, -0.7, "alarm\nthreshold", color=red, ha="right", va="bottom")
         # Beside the axes, because a rule as printed has no strength.
-        ax.text(1.13, -0.7, "fires as\nprinted", ha="center", va="bottom")
+        ax.text(1.02, -0.7, "fires as\nprinted", va="bottom")
         for row, code in enumerate(codes):
-            fires = code in self.printed
-            ax.text(
-                1.13,
-                row,
-                "yes" if fires else "no",
-                ha="center",
-                va="center",
-                color="0" if fires else "0.6",
-            )
+            ax.text(1.02, row, "yes" if code in self.printed else "no", va="center")
         ax.set(xlim=(0, 1), ylim=(len(codes) - 0.4, -0.6), xlabel="firing strength")
         ax.set_xticks([0, 0.5, 1])
         ax.grid(visible=False, axis="y")
