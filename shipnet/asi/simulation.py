@@ -224,7 +224,7 @@ class Run:
 
         `where` is a condition on the events, such as ``"phase == 'data_exchange'"``; `start` and
         `stop` are simulated times [s]. A wrong or missing response is red; a repeated request is
-        hatched and numbered. Of more than 500 requests, 40 are drawn, which the title numbers:
+        hatched. Of more than 500 requests, 40 are drawn, which the title numbers:
         those around the first fault or, without faults, around the longest wait of a slave. A dot
         is a change of a slave's inputs; its arrow ends when the master receives it.
         """
@@ -256,14 +256,10 @@ class Run:
         request, response = REQUEST_BITS * bit, RESPONSE_BITS * bit
         edge: dict[str, Any] = {"edgecolor": "0.3", "linewidth": 0.5}
         for one in shown.to_dict("records"):
-            begin, attempt = 1e3 * one["time_s"], one["attempt"]
-            hatch = "////" if attempt else None
+            begin, hatch = 1e3 * one["time_s"], "////" if one["attempt"] else None
             style.box(
                 ax, begin, -0.4, request, 0.8, facecolor=style.FIELD["address"], hatch=hatch, **edge
             )
-            if attempt:
-                middle = begin + request / 2
-                ax.text(middle, -0.5, str(attempt), ha="center", va="bottom")
             fine, pause = one["outcome"] == "ok", one["master_pause_bit"]
             if fine and np.isnan(pause):
                 continue  # a call without a response

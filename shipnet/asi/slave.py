@@ -179,9 +179,6 @@ class Event(Enum):
     SILENT = "call without answer"
 
 
-#: Actions that a slave in the state RECEIVE takes on an event.
-ACTIONS = {Event.OWN: "answer", Event.SILENT: "obey"}
-
 #: The next state, by current state and event; unlisted events leave the state unchanged. An
 #: asynchronous slave reads nothing; a synchronous one ignores a response and the pause before it.
 #: icn2007, data link layer, section 3, describes ERROR, FOREIGN, UNKNOWN and OWN, and how a slave

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY
 from enum import Enum
@@ -13,7 +12,7 @@ from typing import Any, NamedTuple
 
 from shipnet import style
 from shipnet.asi.master import FAULTY, SILENT, Master, RunningMaster
-from shipnet.asi.slave import ACTIONS, TRANSITIONS, Event, RunningSlave, Slave, State
+from shipnet.asi.slave import Event, RunningSlave, Slave, State
 from shipnet.asi.telegram import Request, Response
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_fields, check_whole, part, record, whole
@@ -35,6 +34,14 @@ TURNS = {
     (Turn.WAIT, Turn.SEND): ["valid response,", "or no try left"],
     (Turn.WAIT, Turn.REPEAT): ["10 bit times of", "silence, or error"],
     (Turn.REPEAT, Turn.WAIT): ["request", "again"],
+}
+
+#: The events that bring a slave from one state to the next, in short; see `TRANSITIONS`.
+CHANGES = {
+    (State.ASYNCHRONOUS, State.RECEIVE): ["any pause"],
+    (State.RECEIVE, State.ASYNCHRONOUS): ["error in the telegram"],
+    (State.RECEIVE, State.SYNCHRONOUS): ["request without error;", "answer if it is its own"],
+    (State.SYNCHRONOUS, State.RECEIVE): ["pause after the response"],
 }
 
 
@@ -138,18 +145,11 @@ class ExchangeStates:
     def plot(self, slave: str, step: int | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the states of the master and of one slave, and how a step has changed them.
 
-        Without a step, no state is marked: icn2007's missing Fig 3.19. A slash separates an event
-        from the slave's action, if there is one. A damaged telegram is red.
+        Without a step, no state is marked: icn2007's missing Fig 3.19. A damaged telegram is red.
         """
         check_choice("slave", slave, [one.label for one in self.slaves])
         if step is not None:
             check_whole("step", step, 0, self.steps - 1)
-        events = defaultdict(list)
-        for (begin, event), end in TRANSITIONS.items():
-            # If any pause changes the state, the pause after a response need not be named.
-            if event is not Event.SLAVE_PAUSE or (begin, Event.PAUSE) not in TRANSITIONS:
-                doing = f" / {ACTIONS[event]}" if event in ACTIONS else ""
-                events[begin, end].append(event.value + doing)
         ax = style.axes(ax, figsize=(6.5, 3.4))
         masters: list[Turn] = []
         slaves: list[State] = []
@@ -159,7 +159,7 @@ class ExchangeStates:
             slaves = slaves[step : step + 2]
             self._plot_telegram(ax, slave, step)
         _plot_states(ax, 0, "master", TURNS, masters)
-        _plot_states(ax, _APART, f"slave {slave}", events, slaves)
+        _plot_states(ax, _APART, f"slave {slave}", CHANGES, slaves)
         return style.bare(ax, (-3.3, _APART + 3.4), (-5.4, 1.2))
 
     def _plot_telegram(self, ax: Axes, slave: str, step: int) -> None:
@@ -178,7 +178,7 @@ class ExchangeStates:
 
 
 #: Half the width of a state, and the distances between states and between the two machines.
-_HALF, _DOWN, _APART = 1.4, 2.4, 7
+_HALF, _DOWN, _APART = 1.7, 2.4, 7.2
 
 
 def _plot_states(

@@ -7,7 +7,7 @@ two values and the printed precision; the verdict is a judgement.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Hashable, Mapping
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from functools import cache
 from html import escape
 from typing import Any
@@ -29,20 +29,18 @@ AS_PRINTED = "as printed"
 #: second derivation; a model of ours alone; or how our code defines the thing.
 GRADES = ("measurement", "independent", "own simulator", "definition")
 
-#: Colour of each treatment of a claim: its grade if it is judged, or else the reason why not.
-_COLOURS = {
-    "measurement": "#D55E00",
-    "independent": "#0072B2",
-    "own simulator": "#56B4E9",
-    "definition": "#b9dcf2",
-    "ours": "#009E73",
-    "erratum": "#CC79A7",
-    "context": "#d9d9d9",
-    "not verified": "#b0b0b0",
-    "not reproducible": "#8c8c8c",
-    "open": "#E69F00",
+#: Treatments of a claim: its grade if it is judged, or else the reason why not.
+_REASONS = ("context", "not verified", "not reproducible", "open")
+TREATMENTS = (*GRADES, "ours", "erratum", *_REASONS)
+
+#: Parts of a paper's bar: the treatments that each counts, and its look.
+_PARTS: dict[str, tuple[Sequence[str], dict[str, str]]] = {
+    "independent": (GRADES[:2], {"color": "#0072B2"}),
+    "own simulator": (GRADES[2:3], {"color": "#56B4E9"}),
+    "definition": (GRADES[3:], {"color": "#d3e9f7"}),
+    "ours or erratum": (("ours", "erratum"), {"color": "white", "hatch": "////"}),
+    "not judged": (_REASONS, {"color": "white"}),
 }
-TREATMENTS = tuple(_COLOURS)
 
 #: Attribute of a cell that contains text; a notebook would align it to the right.
 LEFT = 'style="text-align: left; vertical-align: top"'
@@ -136,22 +134,20 @@ class Ledger:
         """Draw the number of claims of each paper by treatment; numbers below 4 have no label."""
         ax, counts = style.axes(ax), self.counts()
         left = counts["claims"] * 0
-        for treatment, colour in _COLOURS.items():
-            number = counts[treatment]
+        for name, (treatments, look) in _PARTS.items():
+            number = counts[[*treatments]].sum(axis=1)
             if not number.any():
                 continue
-            bars = ax.barh(counts.index, number, left=left, color=colour, label=treatment)
-            ax.bar_label(
-                bars,
-                [str(n) if n >= 4 else "" for n in number],
-                label_type="center",
-                color="white" if treatment in ("independent", "measurement", "ours") else "black",
-            )
+            look = look | {"edgecolor": "0.3", "label": name}
+            bars = ax.barh(counts.index, number, left=left, linewidth=0.5, **look)
+            for text in ax.bar_label(bars, number, label_type="center"):
+                text.set(backgroundcolor="white", visible=int(text.get_text()) >= 4)
+                text.get_bbox_patch().set_boxstyle("square", pad=0.1)
             left = left + number
         ax.invert_yaxis()
         ax.set_xlabel("claims")
         ax.grid(visible=False, axis="y")
-        ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.45, 1.0))
+        ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.4, 1.0), columnspacing=1)
         return ax
 
     def __len__(self) -> int:

@@ -119,18 +119,19 @@ class ValveDiagnosis(Tool):
         labels = [f"{code}  {_BASE.rule(code).english}" for code in codes]
         if self.log:
             return self._plot_log(ax, labels)
-        colours = ["C1" if code in active else "C0" for code in codes]
+        colours = [style.FIELD["information" if code in active else "address"] for code in codes]
         ax.barh(range(len(codes)), list(strength.values()), color=colours, height=0.7)
         ax.set_yticks(range(len(codes)), labels)
-        look: dict[str, Any] = dict(style.LIMIT)
-        ax.axvline(self.threshold, label="alarm threshold", **look)
+        red = style.LIMIT["color"]
+        ax.axvline(self.threshold, color=red, linestyle=style.LIMIT["linestyle"])
+        ax.text(self.threshold, -0.7, "alarm\nthreshold", color=red, ha="right", va="bottom")
         # Beside the axes, because a rule as printed has no strength.
-        for code in self.printed:
-            ax.text(1.02, codes.index(code), "fires\nas printed", va="center")
+        ax.text(1.02, -0.7, "fires as\nprinted", va="bottom")
+        for row, code in enumerate(codes):
+            ax.text(1.02, row, "yes" if code in self.printed else "no", va="center")
         ax.set(xlim=(0, 1), ylim=(len(codes) - 0.4, -0.6), xlabel="firing strength")
         ax.set_xticks([0, 0.5, 1])
         ax.grid(visible=False, axis="y")
-        ax.legend(loc="lower right", bbox_to_anchor=(1, 1))
         return ax
 
     def _plot_log(self, ax: Axes, labels: list[str]) -> Axes:

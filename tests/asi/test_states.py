@@ -10,7 +10,8 @@ from matplotlib.colors import to_rgb
 
 from shipnet import style
 from shipnet.asi import ExchangeStates, Master, Slave, simulate
-from shipnet.asi.states import TURNS, Turn
+from shipnet.asi.slave import TRANSITIONS
+from shipnet.asi.states import CHANGES, TURNS, Turn
 from shipnet.asi.telegram import Request, Response
 from shipnet.errors import ArgumentError, FrameError
 
@@ -68,6 +69,10 @@ def test_a_master_makes_every_change_that_is_drawn():
     turns = ExchangeStates(TWO, steps=8).table()["master"]
     states = [Turn.SEND, *map(Turn, turns)]
     assert set(pairwise(states)) == set(TURNS)
+
+
+def test_a_slave_makes_every_change_that_is_drawn_and_no_other():
+    assert {(begin, end) for (begin, _), end in TRANSITIONS.items()} == set(CHANGES)
 
 
 def marked(ax):
