@@ -15,7 +15,7 @@ from shipnet.asi.master import FAULTY, SILENT, Master, RunningMaster
 from shipnet.asi.slave import Event, RunningSlave, Slave, State
 from shipnet.asi.telegram import Request, Response
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_choice, check_fields, check_whole, part, record, whole
+from shipnet.fields import check_choice, check_fields, check_kind, check_whole, part, record, whole
 from shipnet.lazy import Axes, pd
 
 
@@ -73,7 +73,7 @@ class ExchangeStates:
     3         0000001    send       receive       receive
     """
 
-    slaves: Sequence[Slave] = part(Sequence, "Slaves of the line, with different labels")
+    slaves: Sequence[Slave] = part(Sequence, "Slaves of the line, with different addresses")
     _: KW_ONLY
     damaged: Sequence[int] = part(
         Sequence, "Numbers of the steps in which a bit of the telegram is inverted", default=()
@@ -82,9 +82,12 @@ class ExchangeStates:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        labels = [slave.label for slave in self.slaves]
-        if not labels or len({*labels}) < len(labels):
-            raise ArgumentError(f"slaves are {labels}; give at least one, and no label twice")
+        for slave in self.slaves:
+            check_kind("a slave", slave, Slave)
+        taken = [(one.address, half) for one in self.slaves for half in one.half or "AB"]
+        if not taken or len({*taken}) < len(taken):
+            labels = [slave.label for slave in self.slaves]
+            raise ArgumentError(f"slaves are {labels}; give at least one, and no address twice")
         for number in self.damaged:
             check_whole("a step in damaged", number, 0, self.steps - 1)
 

@@ -35,11 +35,11 @@ TREATMENTS = (*GRADES, "ours", "erratum", *_REASONS)
 
 #: Parts of a paper's bar: the treatments that each counts, and its look.
 _PARTS: dict[str, tuple[Sequence[str], dict[str, str]]] = {
-    "independent": (GRADES[:2], {"color": "#0072B2"}),
-    "own simulator": (GRADES[2:3], {"color": "#56B4E9"}),
-    "definition": (GRADES[3:], {"color": "#d3e9f7"}),
-    "ours or erratum": (("ours", "erratum"), {"color": "white", "hatch": "////"}),
-    "not judged": (_REASONS, {"color": "white"}),
+    "independent": (GRADES[:2], {"facecolor": "#0072B2"}),
+    "own simulator": (GRADES[2:3], {"facecolor": "#56B4E9"}),
+    "definition": (GRADES[3:], {"facecolor": "#d3e9f7"}),
+    "ours or erratum": (("ours", "erratum"), {"facecolor": "white", "hatch": "////"}),
+    "not judged": (_REASONS, {"facecolor": "white"}),
 }
 
 #: Attribute of a cell that contains text; a notebook would align it to the right.
@@ -138,11 +138,12 @@ class Ledger:
             number = counts[[*treatments]].sum(axis=1)
             if not number.any():
                 continue
-            look = look | {"edgecolor": "0.3", "label": name}
-            bars = ax.barh(counts.index, number, left=left, linewidth=0.5, **look)
+            bars: Any = ax.barh(counts.index, number, left=left, linewidth=0.5, label=name)
+            for bar in bars:
+                bar.set(edgecolor="0.3", **look)
             for text in ax.bar_label(bars, number, label_type="center"):
-                text.set(backgroundcolor="white", visible=int(text.get_text()) >= 4)
-                text.get_bbox_patch().set_boxstyle("square", pad=0.1)
+                text.set(visible=int(text.get_text()) >= 4)
+                text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 1})
             left = left + number
         ax.invert_yaxis()
         ax.set_xlabel("claims")

@@ -103,8 +103,10 @@ def test_the_figure_without_a_step_marks_no_state():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"slaves": []}, r"slaves are \[\]; give at least one, and no label twice"),
+        ({"slaves": []}, r"slaves are \[\]; give at least one, and no address twice"),
         ({"slaves": TWO[:1] * 2}, r"slaves are \['21', '21'\]"),
+        ({"slaves": [Slave("3A"), Slave("3")]}, r"slaves are \['3A', '3'\]"),
+        ({"slaves": ["21"]}, "a slave is '21'; it must be a Slave"),
         ({"damaged": [20]}, "a step in damaged is 20; it must be a whole number 0..19"),
         ({"damaged": 3}, "damaged"),
         ({"steps": 0}, "steps is 0; it must be a whole number 1..1000"),
