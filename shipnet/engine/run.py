@@ -247,8 +247,8 @@ class Screen:
     def plot(self, ax: Axes | None = None, *, columns: int = 8) -> Axes:
         """Draw the points as tiles: good ones pale blue, old ones orange, marked ones dark.
 
-        A contact, which has no unit, reads alarm or no alarm. With fewer than eight `columns`, which
-        suit a narrow figure, the tiles do not show the tags.
+        A contact, which has no unit, reads alarm or no alarm. With fewer than eight `columns`,
+        which suit a narrow figure, the tiles do not show the tags.
         """
         from shipnet.engine.plot import plot_screen
 

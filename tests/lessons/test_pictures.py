@@ -87,9 +87,10 @@ def test_a_cut_loses_what_is_beyond_it():
     names, axes = lesson("10", "The ship from above")
     for ax, (name, cable) in zip(axes, names["cuts"].items(), strict=True):
         (crosses,) = (line for line in ax.lines if line.get_marker() == "X")
+        (rings,) = (line for line in ax.lines if line.get_label() == "lost")
         failures = names["seven"].designs[name].failures().set_index(["failure", "failed"])
         lost = failures.loc[("cut", cable), "points_lost"]
-        assert len(crosses.get_xdata()) == lost
+        assert (len(crosses.get_xdata()), len(rings.get_xdata())) == (1, lost)
         assert ax.get_title() == f"{name}: {lost} of 120 points lost"
 
 
