@@ -365,7 +365,7 @@ class Scan:
             style.limit(ax, self.limit, f"limit,\n{self.limit:g} s")
         ax.set(xscale="log", xlabel="bit rate [bit/s]", ylabel="scan time [s]")
         style.logarithmic(ax.yaxis)
-        ax.set_xticks(times.index, [f"{rate:g}" for rate in times.index], rotation=45, ha="right")
+        ax.set_xticks(times.index, [f"{rate:g}" for rate in times.index], rotation=90)
         ax.set_xticks([], minor=True)
         ax.set_xlim(0.85 * times.index[0], 1.2 * times.index[-1])
         return ax
