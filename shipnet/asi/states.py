@@ -14,6 +14,7 @@ from shipnet import style
 from shipnet.asi.master import FAULTY, SILENT, Master, RunningMaster
 from shipnet.asi.slave import Event, RunningSlave, Slave, State
 from shipnet.asi.telegram import Request, Response
+from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_fields, check_kind, check_whole, part, record, whole
 from shipnet.lazy import Axes, pd
@@ -27,12 +28,18 @@ class Turn(Enum):
     REPEAT = "repeat"
 
 
+#: Time that a master waits for a response [bit].
+_TIMEOUT = Transaction().timeout
+
+#: Half the width of a state, and the distances between states and between the two machines.
+_HALF, _DOWN, _APART = 1.7, 2.4, 7.2
+
 #: The events that bring a master from one state to the next, from icn2007, data link layer,
 #: sections 1 to 3.
 TURNS = {
     (Turn.SEND, Turn.WAIT): ["request"],
     (Turn.WAIT, Turn.SEND): ["valid response,", "or no try left"],
-    (Turn.WAIT, Turn.REPEAT): ["10 bit times of", "silence, or error"],
+    (Turn.WAIT, Turn.REPEAT): [f"{_TIMEOUT:g} bit times of", "silence, or error"],
     (Turn.REPEAT, Turn.WAIT): ["request", "again"],
 }
 
@@ -109,10 +116,10 @@ class ExchangeStates:
             states = {label: slave.state for label, slave in slaves.items()}
             yield Step("master", bits, meaning, Turn.WAIT, states)
 
-            sender, bits, meaning, reply = "", "", "silence of 10 bit times", SILENT
+            sender, bits, meaning, reply = "", "", f"silence of {_TIMEOUT:g} bit times", SILENT
             for label, answer in answers.items():
                 if answer:
-                    sender, reply = f"slave {label}", answer.data
+                    sender = f"slave {label}"
                     bits, meaning, damaged = self._sent(answer, number + 1)
                     reply = FAULTY if damaged else answer.data
             for label, slave in slaves.items():
@@ -127,10 +134,10 @@ class ExchangeStates:
 
     def _sent(self, telegram: Request | Response, number: int) -> tuple[str, str, bool]:
         """Return the bits and the meaning of a telegram, and whether it is damaged."""
-        bits, damaged = telegram.bits, number in self.damaged
-        if damaged:
-            bits = f"{bits[:2]}{1 - int(bits[2])}{bits[3:]}"
-        return bits, f"{telegram}{', damaged' * damaged}", damaged
+        bits = telegram.bits
+        if number not in self.damaged:
+            return bits, str(telegram), False
+        return f"{bits[:2]}{1 - int(bits[2])}{bits[3:]}", f"{telegram}, damaged", True
 
     def table(self) -> pd.DataFrame:
         """Return one row per step: ``sender``, ``telegram``, ``meaning``, and the states after it.
@@ -157,9 +164,10 @@ class ExchangeStates:
         masters: list[Turn] = []
         slaves: list[State] = []
         if step is not None:
-            masters = [Turn.SEND, *(one.master for one in self._steps)][step : step + 2]
+            masters = [Turn.SEND, *(one.master for one in self._steps)]
             slaves = [State.ASYNCHRONOUS, *(one.slaves[slave] for one in self._steps)]
-            slaves = slaves[step : step + 2]
+            both = slice(step, step + 2)  # before and after the step
+            masters, slaves = masters[both], slaves[both]
             self._plot_telegram(ax, slave, step)
         _plot_states(ax, 0, "master", TURNS, masters)
         _plot_states(ax, _APART, f"slave {slave}", CHANGES, slaves)
@@ -178,10 +186,6 @@ class ExchangeStates:
             middle: dict[str, Any] = {"ha": "center", "va": "bottom", "family": "monospace"}
             ax.text((near + far) / 2, 0.15 - _DOWN, now.telegram, color=colour, **middle)
         ax.set_title(f"step {step}: {now.meaning}", loc="left")
-
-
-#: Half the width of a state, and the distances between states and between the two machines.
-_HALF, _DOWN, _APART = 1.7, 2.4, 7.2
 
 
 def _plot_states(
@@ -204,11 +208,11 @@ def _plot_states(
             ax.plot(x - _HALF, y, "ko", markersize=9, zorder=4)
     for (begin, end), events in transitions.items():
         taken = [begin, end] == list(passed)
-        arrow: dict[str, Any] = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0}
+        arrow: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 12}
+        arrow |= {"shrinkA": 0, "shrinkB": 0}
         arrow |= {"color": "black", "linewidth": 3} if taken else {"color": "0.5"}
         down = 1 if rows[end] < rows[begin] else -1
         start, stop = rows[begin] - 0.4 * down, rows[end] + 0.4 * down
-        arrow["mutation_scale"] = 12
         ax.annotate("", (x - 0.3 * down, stop), (x - 0.3 * down, start), arrowprops=arrow)
         side = "right" if down > 0 else "left"
         middle = (start + stop) / 2

@@ -36,6 +36,9 @@ _SHORT.maxstring = _SHORT.maxother = 60
 #: Report used if nothing more specific can be said about an answer.
 NOT_YET = "not right yet"
 
+#: End of the report on a number that may be the right one, rounded.
+ROUNDED = "if you rounded, keep more digits"
+
 
 class NotSolved(Exception):
     """An exercise has no answer yet."""
@@ -127,7 +130,7 @@ class Number:
         if answer and (report := _prefix(answer, self.value, self.unit, self.tolerance)):
             return report
         if _rounded(answer, self.value):
-            return f"not within {100 * self.tolerance:g} %: if you rounded, keep more digits"
+            return f"not within {100 * self.tolerance:g} %: {ROUNDED}"
         if min(answer, self.value) >= 0 and not 1 / 3 <= answer / self.value <= 3:
             return f"far too {'large' if answer > self.value else 'small'}"
         return NOT_YET

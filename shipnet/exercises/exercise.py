@@ -12,7 +12,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError
-from shipnet.exercises.answers import Answer, Misread, NotSolved, Number, blank
+from shipnet.exercises.answers import ROUNDED, Answer, Misread, NotSolved, Number, blank
 from shipnet.lazy import pd
 
 T = TypeVar("T")
@@ -109,7 +109,7 @@ class Exercise:
             for hint, wrong in hints.items()
             if wrong is not ANY and replace(right, value=wrong, **close).fault(answer) is None
         ]
-        if len(named) == 1 and "if you rounded" not in fact:
+        if len(named) == 1 and ROUNDED not in fact:
             return named[0]
         if fact.endswith("?"):
             return fact

@@ -16,6 +16,7 @@ from shipnet.clock import Fault
 from shipnet.fields import check_scalar
 from shipnet.html import as_html
 from shipnet.lazy import Axes, pd
+from shipnet.modbus.faults import Break, Short
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.redundancy import Faults, Loop, line_faults
 
@@ -263,10 +264,10 @@ class Run:
                 if name == "no response":
                     bar.set(edgecolor=red, hatch="/////")
         for fault in self.faults:
-            words = str(fault).replace("break", "break after slave")
-            words = words.replace("short", "short after slave").replace(
-                "after slave 0", "at port A"
-            )
+            words = str(fault)
+            if isinstance(fault, Break | Short):
+                place = f"after slave {fault.section}" if fault.section else "at port A"
+                words = f"{type(fault).__name__.lower()} {place}"
             for at, text in ((fault.start, words), (fault.stop, f"{words}: repaired")):
                 if at <= self.until:
                     ax.axvline(at, color=red, linestyle=style.LIMIT["linestyle"], linewidth=1)

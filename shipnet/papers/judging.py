@@ -35,7 +35,7 @@ TREATMENTS = (*GRADES, "ours", "erratum", *_REASONS)
 
 #: Parts of a paper's bar: the treatments that each counts, and its look.
 _PARTS: dict[str, tuple[Sequence[str], dict[str, str]]] = {
-    "independent": (GRADES[:2], {"facecolor": "#0072B2"}),
+    "measured or independent": (GRADES[:2], {"facecolor": "#0072B2"}),
     "own simulator": (GRADES[2:3], {"facecolor": "#56B4E9"}),
     "definition": (GRADES[3:], {"facecolor": "#d3e9f7"}),
     "ours or erratum": (("ours", "erratum"), {"facecolor": "white", "hatch": "////"}),

@@ -13,6 +13,7 @@ from shipnet.engine.faults import DeadBox
 from shipnet.engine.points import read_points
 from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
+from shipnet.fields import check_choice, check_scalar
 from shipnet.papers.lee2012.buses import LINE
 from shipnet.papers.lee2012.operation import response_scope, switch_over_scope
 from shipnet.papers.plot import FILL, box, diagram, diagrams
@@ -84,14 +85,16 @@ def _screen(*, ax: Axes) -> Axes:
 @drawing("lee2012", "Fig 12")
 def _redundancy(*, part: str = "b", cut: float = 1.5, ax: Axes) -> Axes:
     """Draw part a, the test, or b, what the AMS sends if channel 1 is unplugged at `cut` [s]."""
-    if part == "a":
+    check_scalar("cut", cut, "s", 0, 2.9)
+    if check_choice("part", part, "ab") == "a":
         return diagram("lee2012", "Fig 12", ax=ax, arrowstyle="-")
     traces = switch_over_scope(System(), cut=cut)
+    first, second = (traces[f"Tx of channel {number}"][0] for number in (1, 2))
     plot_channels(traces, ax=ax)
     style.moment(ax, 1e3 * cut, "unplugged")
-    lost = 1e3 * np.ceil(cut)  # the AMS polls at whole seconds
+    lost = 1e3 * first[first > cut][0]
     ax.text(lost, 0.05, "  no response")
-    _span(ax, lost, 1e3 * traces["Tx of channel 2"][0][1], -0.25, "")
+    _span(ax, lost, 1e3 * second[1], -0.25, "")
     return ax
 
 
