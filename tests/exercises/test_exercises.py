@@ -128,6 +128,12 @@ def gives_away(said, right):
     return shown in re.findall(r"[\w.]+", said)
 
 
+#: Least number of named mistakes where it is below 5: among few bits or small counts, a wrong
+#: answer has too often another reason than the one that a hint names.
+FEW_MISTAKES = {"ex-01-1": 3, "ex-02-4": 4, "ex-03-1": 4, "ex-03-2": 0, "ex-03-4": 4}
+FEW_MISTAKES |= {"ex-04-4": 2, "ex-05-4": 4, "ex-08-1": 4}
+
+
 @pytest.mark.parametrize("key", EXERCISES)
 def test_each_mistake_is_refused_and_named_unless_another_one_gives_the_same(key):
     one, named, n_draws = exercise(key), Counter(), 0
@@ -137,8 +143,7 @@ def test_each_mistake_is_refused_and_named_unless_another_one_gives_the_same(key
         solution = one.solve(**numbers)
         solved = replace(one, solve=lambda solution=solution, **_: solution)
         right, mistakes, begin = hints(solved, numbers)
-        # With few bits or a small count, a named mistake would too often be another one.
-        assert len(mistakes) >= 4 or type(right) in (Bits, Whole)
+        assert len(mistakes) >= FEW_MISTAKES.get(key, 5)
         for hint, wrong in mistakes.items():
             fault = solved.fault(wrong, Drawn(numbers))
             assert fault is not None, f"{numbers}: {hint!r} is right"
